@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ciir.renderer.readers.pictures import Pixels
+
+
+def round_levels(picture: NDArray[np.float32], dtype: np.dtype[Any]) -> Pixels:
+    """The nearest levels of `dtype`, uint8 or uint16, to `picture`, of any shape."""
+    levels: Pixels = np.rint(picture).clip(0, np.iinfo(dtype).max).astype(dtype)
+    return levels
 
 
 def advise_levels(views: Any) -> str:

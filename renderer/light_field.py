@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ciir.errors import InvalidOption
-from ciir.renderer.levels import advise_levels
-from ciir.renderer.views import center_view, flip_axes, read_index
+from ciir.renderer.levels import advise_levels, round_levels
+from ciir.renderer.views import center_view, check_depth_sense, flip_axes, is_turned, read_index
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -23,32 +23,7 @@ if TYPE_CHECKING:
     from ciir.renderer.focus.model import Model
     from ciir.renderer.focus.occluders import Occluders
     from ciir.renderer.focus.planes import Method
-    from ciir.renderer.views import Flip, View
-
-Pickup = Literal["virtual", "optical"]
-"""How an elemental image was taken: upright, as by a virtual camera, or rotated by 180 degrees, as by a lens."""
-
-DepthSense = Literal["lenses", "cameras"]
-"""How views move with depth from one view to the next on the right.
-
-- `lenses`: u counts pixels under a lens, so that what is farther from the lens array moves further to the left;
-- `cameras`: u counts cameras from the left, so that what is nearer moves further to the left.
-
-The one becomes the other where the order of views is reversed in v and in u.
-"""
-
-
-def is_turned(pickup: Pickup) -> bool:
-    """Whether elemental images are turned by 180 degrees. Raises `InvalidOption` for an unknown `pickup`."""
-    if pickup not in ("virtual", "optical"):
-        raise InvalidOption(f"pickup: {pickup!r} is not known; give virtual or optical")
-    return pickup == "optical"
-
-
-def check_depth_sense(sense: str) -> None:
-    """Raises `InvalidOption` for an unknown depth sense."""
-    if sense not in ("lenses", "cameras"):
-        raise InvalidOption(f"depth_sense: {sense!r} is not known; give lenses or cameras")
+    from ciir.renderer.views import DepthSense, Flip, Pickup, View
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -245,7 +220,7 @@ class LightField:
         weights = read_aperture(aperture, self.views.shape[:2], shape)
         planes = make_planes(self.views, disparities, weights, method, occluders)
         check_overlap(disparities, max(self.views.shape[2:4]))
-        return (_round_levels(plane, self.views.dtype) for plane in planes)
+        return (round_levels(plane, self.views.dtype) for plane in planes)
 
     def all_in_focus(
         self,
@@ -264,7 +239,7 @@ class LightField:
 
         weights = read_aperture(aperture, self.views.shape[:2], shape)
         found = self.disparity() if found is None else found
-        return _round_levels(focus_everywhere(self.views, found, weights), self.views.dtype)
+        return round_levels(focus_everywhere(self.views, found, weights), self.views.dtype)
 
     def disparity(self, view: View | None = None, *, limits: tuple[float, float] | None = None) -> DisparityMap:
         """The disparity of each pixel of `view`, by default the centre one, with its confidence.
@@ -351,8 +326,3 @@ class LightField:
         if is_turned(pickup):
             blocks = blocks[:, ::-1, :, ::-1]
         return blocks.reshape(rows * pixels_v, cols * pixels_u, channels)
-
-
-def _round_levels(picture: NDArray[np.float32], dtype: np.dtype[Any]) -> NDArray[np.uint8] | NDArray[np.uint16]:
-    levels = picture.round().clip(0, np.iinfo(dtype).max)
-    return levels.astype(np.uint8) if dtype == np.uint8 else levels.astype(np.uint16)

@@ -1,4 +1,4 @@
-"""Views by their indices (v, u), the text that selects them, and their order."""
+"""Views by their indices (v, u), the text that selects them, their order, and how elemental images were taken."""
 
 from __future__ import annotations
 
@@ -12,13 +12,36 @@ from ciir.errors import InvalidOption
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ciir.renderer.light_field import DepthSense
-
 View = tuple[int, int]
 """(v, u): the row and the column of the view's pixel under each lens, from the top left."""
 
 Flip = Literal["none", "u", "v", "uv"]
 """Which order of views is reversed: of the columns u, of the rows v, or of both."""
+
+Pickup = Literal["virtual", "optical"]
+"""How an elemental image was taken: upright, as by a virtual camera, or rotated by 180 degrees, as by a lens."""
+
+DepthSense = Literal["lenses", "cameras"]
+"""How views move with depth from one view to the next on the right.
+
+- `lenses`: u counts pixels under a lens, so that what is farther from the lens array moves further to the left;
+- `cameras`: u counts cameras from the left, so that what is nearer moves further to the left.
+
+The one becomes the other where the order of views is reversed in v and in u.
+"""
+
+
+def is_turned(pickup: Pickup) -> bool:
+    """Whether elemental images are turned by 180 degrees. Raises `InvalidOption` for an unknown `pickup`."""
+    if pickup not in ("virtual", "optical"):
+        raise InvalidOption(f"pickup: {pickup!r} is not known; give virtual or optical")
+    return pickup == "optical"
+
+
+def check_depth_sense(sense: str) -> None:
+    """Raises `InvalidOption` for an unknown depth sense."""
+    if sense not in ("lenses", "cameras"):
+        raise InvalidOption(f"depth_sense: {sense!r} is not known; give lenses or cameras")
 
 
 def center_view(pixels_v: int, pixels_u: int) -> View:

@@ -24,11 +24,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from os import PathLike
 
-    from ciir.renderer.light_field import Pickup
     from ciir.renderer.placement import Fit, Up
     from ciir.renderer.readers.layout import Arrangement, OrderCheck
     from ciir.renderer.readers.pictures import Pixels
-    from ciir.renderer.views import Flip, View
+    from ciir.renderer.views import Flip, Pickup, View
     from ciir.service.pipeline.options import Backend, Sampling
     from ciir.service.pipeline.options.lenslet import GridShape, Pitch
     from ciir.service.pipeline.report import Report

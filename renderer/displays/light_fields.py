@@ -17,16 +17,15 @@ if TYPE_CHECKING:
     from ciir.renderer.light_field import LightField
     from ciir.renderer.readers.pictures import Pixels
 
-Color = tuple[int, int, int]
 LEAST_MISFIT = 0.01
 """Share by which aspects differ where a note says so."""
 
 
-def order_as_cameras(light_field: LightField, background: Color = (0, 0, 0)) -> Pixels:
+def order_as_cameras(light_field: LightField) -> Pixels:
     """All views, `(V, U, h, w, c)` with 1 or 3 channels, v from the uppermost camera and u from the leftmost.
 
     A pixel further to the right under a lens sees further to the right, as a camera further to the left does: views of
-    a lens array are taken in the opposite order. What is see-through is laid over `background`.
+    a lens array are taken in the opposite order. What is see-through is laid over black.
     """
     views = light_field.views if light_field.depth_sense == "cameras" else light_field.views[::-1, ::-1]
     if views.shape[4] in (1, 3):
@@ -34,11 +33,9 @@ def order_as_cameras(light_field: LightField, background: Color = (0, 0, 0)) -> 
     colors = views[..., :-1]
     if not light_field.is_transparent():
         return colors
-    most = np.iinfo(views.dtype).max
-    alpha = views[..., -1:].astype(np.float32) / most
-    behind = np.array(background[: colors.shape[4]], np.float32) * (most // 255)
+    alpha = views[..., -1:].astype(np.float32) / np.iinfo(views.dtype).max
     flat: Pixels = np.empty(colors.shape, views.dtype)
-    flat[:] = np.rint(colors * alpha + behind * (1 - alpha))
+    flat[:] = np.rint(colors * alpha)
     return flat
 
 

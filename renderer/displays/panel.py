@@ -66,7 +66,6 @@ def resample_panel(
     *,
     conversion: Conversion = "spoc",
     disparity: float = 0.0,
-    background: tuple[int, int, int] = (0, 0, 0),
     progress: Progress = ignore_progress,
 ) -> Pixels:
     """The panel's picture `(height, width, 3)` of a light field.
@@ -74,7 +73,7 @@ def resample_panel(
     `views`: `(V, U, h, w, c)`, grey or RGB, of a camera array: v from the top, u from the left. The whole of a view
     fits into the panel, and all views together into the angles that a lens shows. What has `disparity`, in pixels
     from view to view, lies in the plane of the lenses: the reference plane of SPOC. Where lenses show more directions
-    than there are views, views between them are interpolated. Around the views is `background`.
+    than there are views, views between them are interpolated. Around the views is black.
     """
     reduced = _find_factor(views.shape[2:4], display)
     views = reduce_views(views, reduced) if reduced > 1 else views
@@ -105,8 +104,7 @@ def resample_panel(
         is_inside = (np.abs(x - (width - 1) / 2) <= width / 2 + cut) & (
             np.abs(y - (height - 1) / 2) <= height / 2 + cut
         )
-        levels = np.iinfo(views.dtype).max // 255
-        panel[row] = np.rint(np.where(is_inside, total, np.array(background) * levels))
+        panel[row] = np.rint(np.where(is_inside, total, 0))
 
     run_parts(make, display.height, progress)
     return panel

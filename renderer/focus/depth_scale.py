@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.errors import InvalidOption
-from ciir.renderer.light_field import check_depth_sense
+from ciir.renderer.views import check_depth_sense
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from ciir.renderer.lens_array import LensArray
-    from ciir.renderer.light_field import DepthSense
+    from ciir.renderer.views import DepthSense
 
 
 @dataclass(frozen=True)

@@ -30,14 +30,14 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from ciir.renderer.light_field import DepthSense, LightField
-    from ciir.renderer.views import View
+    from ciir.renderer.light_field import LightField
+    from ciir.renderer.views import DepthSense, View
 
 STEP = 1.0
 """Pixels by which the outermost view that is compared moves from one plane to the next."""
 LEAST_PARTS = 4
 """Planes to a pixel of disparity, at least."""
-MOST_PLANES = 96
+LEAST_PLANES, MOST_PLANES = 3, 96
 MOST_COSTS = 2**27
 """Most pixels times planes: each takes 12 bytes."""
 UNNOTICED = 2.5
@@ -108,18 +108,7 @@ def estimate_disparity(
     not there, and for limits that are not in order or over the longer side of a view; `TooLarge` for more than
     `MOST_COSTS` pixels times disparities.
     """
-    return _estimate(_raise_levels(light_field), view, limits, beyond, extra)
-
-
-def _estimate(
-    light_field: LightField,
-    view: View | None,
-    limits: tuple[float, float] | None,
-    beyond: float = 0.0,
-    extra: Callable[[float], NDArray[np.float32]] | None = None,
-) -> DisparityMap:
-    """As `estimate_disparity`, of views that use all bits."""
-    views = light_field.views
+    views = _raise_levels(light_field).views
     height, width = views.shape[2:4]
     check_views(views)
     view = center_view(*views.shape[:2]) if view is None else _read_view(view)
@@ -225,7 +214,7 @@ def estimate_disparities(
         limits = find_limits(light_field.views)
         notes += note_reach(limits, light_field.views.shape[2:4])
     for view in parse_views("all", *light_field.views.shape[:2]) if views is None else views:
-        found = _estimate(light_field, view, limits)
+        found = estimate_disparity(light_field, view, limits=limits)
         yield replace(found, notes=(*notes, *found.notes))
 
 
@@ -236,13 +225,20 @@ def _raise_levels(light_field: LightField) -> LightField:
 
 
 def check_views(views: NDArray[Any]) -> None:
-    """Raises `InvalidOption` for a single view, and for views that are too small."""
+    """Raises `InvalidOption` for a single view and for views that are too small, `TooLarge` for those that are too
+    large for the fewest disparities.
+    """
     height, width = views.shape[2:4]
     if views.shape[0] * views.shape[1] < 2:
         raise InvalidOption("disparity: one view shows no depth; give a light field with two views or more")
     if min(height, width) < LEAST_SIDE:
         raise InvalidOption(
             f"disparity: views of {height}x{width} pixels show none; give {LEAST_SIDE}x{LEAST_SIDE} or more"
+        )
+    if height * width * LEAST_PLANES > MOST_COSTS:
+        raise TooLarge(
+            f"disparity: views of {height}x{width} pixels are too large; give {MOST_COSTS // LEAST_PLANES:,} pixels or "
+            "fewer"
         )
 
 
@@ -265,7 +261,7 @@ def _check_limits(limits: Any, side: int) -> None:
 
 
 def _list_planes(limits: tuple[float, float], parts: int) -> range:
-    """The planes from the one limit to the other, in parts of a pixel: at least 3, at most about `MOST_PLANES`."""
+    """The planes from one limit to the other, in parts of a pixel: `LEAST_PLANES` to about `MOST_PLANES`."""
     low, high = floor(round(limits[0] * parts, 9)), ceil(round(limits[1] * parts, 9))  # of 1/49 * 49, too
     step = ceil((high - low) / MOST_PLANES)
-    return range(low, max(high, low + 2) + step, step)
+    return range(low, max(high, low + LEAST_PLANES - 1) + step, step)

@@ -101,7 +101,7 @@ def open_input(
     if isinstance(format_, MeshFormat):
         holds_others = bundle.main is None and format_.is_one_file
         beside = sorted(filter(is_picture, bundle.files)) if holds_others else ()
-        return meshes.read(replace(bundle, main=key), format_, placement, pose, beside)
+        return meshes.read(bundle, key, format_, placement, pose=pose, beside=beside)
     return _note_left_out(_read_file(bundle, _refine(format_, key, bundle, layout), key, layout), bundle, key)
 
 

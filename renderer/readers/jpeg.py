@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import struct
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -13,9 +12,10 @@ from PIL.JpegImagePlugin import JpegImageFile
 
 from ciir.errors import TooLarge, UnsupportedType
 from ciir.renderer.readers.metadata.exif import HEADER, read_orientation
+from ciir.renderer.readers.picture_sizes import START_OF_SCAN, list_segments
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from numpy.typing import NDArray
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 MAX_SCANS = 100
 """Most scans in a progressive JPEG: encoders write about ten."""
-START_OF_SCAN, QUANTISATION = 0xDA, 0xDB
+QUANTISATION = 0xDB
 APP1, APP2 = 0xE1, 0xE2  # Exif and XMP; colour profile and multi-picture index
 PROFILE = b"ICC_PROFILE\0"
 
@@ -75,7 +75,7 @@ def decode_luma(data: bytes) -> Luma | None:
 def find_profile(data: bytes) -> bytes | None:
     """The colour profile, of segments APP2 in their order (ICC.1:2022, B.4); None where there is none."""
     found = {
-        segment[16]: segment[18:] for kind, segment in _list_segments(data) if kind == APP2 and segment[4:16] == PROFILE
+        segment[16]: segment[18:] for kind, segment in list_segments(data) if kind == APP2 and segment[4:16] == PROFILE
     }
     return b"".join(found[number] for number in sorted(found)) if found else None
 
@@ -86,24 +86,9 @@ def _split_metadata(data: bytes) -> tuple[bytes, bytes]:
     Pillow reads those segments as well, and prints warnings of what is malformed in them.
     """
     kept, exif = [data[:2]], b""
-    for kind, segment in _list_segments(data):
+    for kind, segment in list_segments(data):
         if kind == APP1 and segment[4:10] == HEADER:
             exif = exif or segment[10:]
         if kind not in (APP1, APP2):
             kept.append(segment)
     return b"".join(kept), exif
-
-
-def _list_segments(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """The marker of each segment, and the segment with it; the last one is all from the first scan on."""
-    offset = 2
-    while (start := struct.unpack_from(">BB", data, offset)) != (0xFF, START_OF_SCAN):
-        if start[0] != 0xFF:
-            raise ValueError("bytes between JPEG segments")
-        if start[1] == 0xFF:  # fill
-            offset += 1
-            continue
-        segment = data[offset : offset + 2 + struct.unpack_from(">H", data, offset + 2)[0]]
-        yield start[1], segment
-        offset += len(segment)
-    yield START_OF_SCAN, data[offset:]

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Literal, cast
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ciir.renderer.light_field import DepthSense, Pickup
     from ciir.renderer.readers.lenslet.grid import Known
-    from ciir.renderer.views import Flip
+    from ciir.renderer.views import DepthSense, Flip, Pickup
 
 Arrangement = Literal["auto", "eia", "mosaic"]
 """What a picture of all views is: elemental images side by side, or views side by side; `auto`: which its period shows.

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 from ciir.renderer.readers.registry import PictureFormat, find_by_signature
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
 Size = tuple[int, int]
 """Height and width, as stored."""
 _FRAME_HEADERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-_START_OF_SCAN = 0xDA
+START_OF_SCAN = 0xDA
 _WIDTH, _LENGTH = 256, 257
 _INTEGERS = {1: "B", 3: "H", 4: "I", 16: "Q"}
 """Of a TIFF tag, by its type."""
@@ -54,16 +54,24 @@ def _read_png(data: bytes) -> Size:
 
 def _read_jpeg(data: bytes) -> Size:
     """Of the largest frame header before the first scan (ITU-T T.81, B.2.2): decoders take one of several."""
-    sizes: list[Size] = []
-    at = 2
-    while (marker := struct.unpack_from(">BB", data, at)) != (0xFF, _START_OF_SCAN):
-        if marker == (0xFF, 0xFF):  # fill
-            at += 1
-            continue
-        if marker[1] in _FRAME_HEADERS:
-            sizes.append(struct.unpack_from(">HH", data, at + 5))
-        at += 2 + struct.unpack_from(">H", data, at + 2)[0]
+    headers = [segment for kind, segment in list_segments(data) if kind in _FRAME_HEADERS]
+    sizes: list[Size] = [struct.unpack_from(">HH", header, 5) for header in headers]
     return max(sizes, key=lambda size: size[0] * size[1])
+
+
+def list_segments(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """The marker of each segment of a JPEG, and the segment with it; the last one is all from the first scan on."""
+    offset = 2
+    while (start := struct.unpack_from(">BB", data, offset)) != (0xFF, START_OF_SCAN):
+        if start[0] != 0xFF:
+            raise ValueError("bytes between JPEG segments")
+        if start[1] == 0xFF:  # fill
+            offset += 1
+            continue
+        segment = data[offset : offset + 2 + struct.unpack_from(">H", data, offset + 2)[0]]
+        yield start[1], segment
+        offset += len(segment)
+    yield START_OF_SCAN, data[offset:]
 
 
 def _read_tiff(data: bytes) -> Size:

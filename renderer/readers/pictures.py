@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.limits import DEFAULT_LIMITS
-from ciir.renderer.readers.registry import FORMATS, LYTRO_RAW, LYTRO_RAW_SIZES, PictureFormat, find_by_signature
+from ciir.renderer.readers.picture_sizes import find_format
+from ciir.renderer.readers.registry import FORMATS, LYTRO_RAW, LYTRO_RAW_SIZES, PictureFormat
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -58,15 +59,13 @@ def decode(
         if check is not None:
             check(height, width)
 
-    found = [entry for entry in find_by_signature(data) if isinstance(entry, PictureFormat)]
-    if not found and len(data) in LYTRO_RAW_SIZES:
-        found = [LYTRO_RAW]
+    found = find_format(data) or (LYTRO_RAW if len(data) in LYTRO_RAW_SIZES else None)
     if not data:
         raise Unreadable(f"{name}: the file is empty (0 bytes); give it again")
-    if not found:
+    if found is None:
         listed = ", ".join(entry.name for entry in PICTURES)
         raise UnsupportedType(f"{name}: not a picture that is read ({listed}, by its first bytes); convert it to PNG")
-    decoder: PictureDecoder = found[0].load_reader()
+    decoder: PictureDecoder = found.load_reader()
     try:
         pixels, orientation = decoder(data, name, check_size)
         pixels = _turn_upright(pixels if pixels.ndim == 3 else pixels[..., np.newaxis], orientation)
@@ -77,7 +76,7 @@ def decode(
         raise TooLarge(f"{name}: decoding it takes more memory than there is; crop it or scale it down") from error
     except Exception as error:
         raise Unreadable(
-            f"{name}: damaged or cut off (while the {found[0].name} picture was decoded); send the whole file"
+            f"{name}: damaged or cut off (while the {found.name} picture was decoded); send the whole file"
         ) from error
 
 

@@ -42,12 +42,6 @@ def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tu
     return pixels, read_orientation(exif)
 
 
-def read_size(data: bytes) -> tuple[int, int]:
-    """Rows and columns as stored, of a PNG whose chunks begin."""
-    width, height = struct.unpack_from(">II", data, 16)
-    return height, width
-
-
 def find_text(data: bytes, keyword: str) -> str | None:
     """The first text (chunk tEXt) with that keyword, before the pixels; None where there is none."""
     for kind, chunk in _list_chunks(data):

@@ -164,12 +164,10 @@ FORMATS: tuple[Format, ...] = (
         name="MP4",
         suffixes=(".mp4", ".m4v", ".mov"),
         signatures=tuple(bytes((0, 0, 0, size)) + b"ftyp" for size in range(12, 64, 4)),  # a box with its size
-        reader="video:read_mp4",
+        reader="video:read",
     ),
-    ContainerFormat(
-        name="MKV", suffixes=(".mkv", ".webm"), signatures=(b"\x1aE\xdf\xa3",), reader="video:read_matroska"
-    ),
-    ContainerFormat(name="GIF", suffixes=(".gif",), signatures=(b"GIF87a", b"GIF89a"), reader="video:read_gif"),
+    ContainerFormat(name="MKV", suffixes=(".mkv", ".webm"), signatures=(b"\x1aE\xdf\xa3",), reader="video:read"),
+    ContainerFormat(name="GIF", suffixes=(".gif",), signatures=(b"GIF87a", b"GIF89a"), reader="video:read"),
     MeshFormat(name="3MF", suffixes=(".3mf",), signatures=ZIP.signatures, reader="threemf:read"),  # a zip by content
 )
 """Every format that is read. Where content fits several, the suffix decides, and without one the order here."""

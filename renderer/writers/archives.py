@@ -77,8 +77,8 @@ class NpzWriter(Writer):
         """Adds `positions` and `report`."""
         assert self._member is not None  # noqa: S101 - a reconstruction has at least one view
         self._member.close()
-        self._add("positions", np.array(self._positions, np.int32))
-        self._add("report", np.array(report_json(report).decode()))
+        add_array(self._zip, "positions", np.array(self._positions, np.int32))
+        add_array(self._zip, "report", np.array(report_json(report).decode()))
         self._zip.close()
 
     def discard(self) -> None:
@@ -87,7 +87,9 @@ class NpzWriter(Writer):
             self._member.close()
         self._zip.close()
 
-    def _add(self, name: str, array: NDArray[Any]) -> None:
-        buffer = io.BytesIO()
-        np.lib.format.write_array(buffer, array, allow_pickle=False)
-        self._zip.writestr(zipfile.ZipInfo(f"{name}.npy", ZIP_DATE), buffer.getvalue())
+
+def add_array(archive: zipfile.ZipFile, name: str, array: NDArray[Any]) -> None:
+    """Adds a small array to an npz."""
+    buffer = io.BytesIO()
+    np.lib.format.write_array(buffer, array, allow_pickle=False)
+    archive.writestr(zipfile.ZipInfo(f"{name}.npy", ZIP_DATE), buffer.getvalue())

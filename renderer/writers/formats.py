@@ -7,7 +7,6 @@ Picture formats come from `renderer.writers.pictures.registry`. A format for sev
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from functools import partial
 from importlib import import_module
 from typing import IO, TYPE_CHECKING, Any
 
@@ -67,8 +66,6 @@ class Format:
     """Makes a writer into a binary file."""
     holds_report: bool = False
     """Whether the report, and with it the times of that run, is in the file."""
-    is_whole: bool = False
-    """Whether it is made of all views of a light field."""
     uses: tuple[str, ...] = ()
     """The names of `WriterOptions` that it leaves open."""
 
@@ -78,27 +75,22 @@ class Format:
         return self.open(file, options)
 
 
-def _open_picture(file: IO[bytes], options: WriterOptions, picture: pictures.PictureFormat) -> Writer:  # noqa: ARG001
-    return SingleWriter(file, picture)
-
-
-def _open_plain(file: IO[bytes], options: WriterOptions, writer: Callable[[IO[bytes]], Writer]) -> Writer:  # noqa: ARG001
-    return writer(file)
-
-
-def _open_container(file: IO[bytes], options: WriterOptions, writer: str) -> Writer:
-    module, _, name = writer.partition(":")
-    found: Callable[[IO[bytes], WriterOptions], Writer] = getattr(
-        import_module(f"ciir.renderer.writers.containers.{module}"), name
-    )
-    return found(file, options)
+def _picture(picture: pictures.PictureFormat) -> Format:
+    """A format of one view."""
+    return Format(picture.name, picture.suffixes, picture.media_type, lambda file, _: SingleWriter(file, picture))
 
 
 def _container(
     name: str, suffixes: tuple[str, ...], media_type: str, writer: str, uses: tuple[str, ...] = ()
 ) -> Format:
     """A format of whole light fields, whose `writer` is `module:class`, imported when it is first used."""
-    return Format(name, suffixes, media_type, partial(_open_container, writer=writer), is_whole=True, uses=uses)
+    module, _, class_ = writer.partition(":")
+
+    def open_writer(file: IO[bytes], options: WriterOptions) -> Writer:
+        found: Writer = getattr(import_module(f"ciir.renderer.writers.containers.{module}"), class_)(file, options)
+        return found
+
+    return Format(name, suffixes, media_type, open_writer, uses=uses)
 
 
 def check_options(options: WriterOptions, uses: tuple[str, ...], what: str) -> None:
@@ -121,13 +113,10 @@ BINARY = "application/octet-stream"
 FORMATS = {
     entry.name: entry
     for entry in (
-        *(
-            Format(picture.name, picture.suffixes, picture.media_type, partial(_open_picture, picture=picture))
-            for picture in pictures.FORMATS
-        ),
-        Format("zip", (".zip",), "application/zip", partial(_open_plain, writer=ZipWriter), holds_report=True),
-        Format("npz", (".npz",), "application/x-npz", partial(_open_plain, writer=NpzWriter), holds_report=True),
-        Format("html", (".html",), "text/html", partial(_open_plain, writer=HtmlWriter)),
+        *map(_picture, pictures.FORMATS),
+        Format("zip", (".zip",), "application/zip", lambda file, _: ZipWriter(file), holds_report=True),
+        Format("npz", (".npz",), "application/x-npz", lambda file, _: NpzWriter(file), holds_report=True),
+        Format("html", (".html",), "text/html", lambda file, _: HtmlWriter(file)),
         _container("eia", STILL, "image/png", "pictures:EiaWriter"),
         _container("mosaic", STILL, "image/png", "pictures:MosaicWriter"),
         _container("eslf", (".png",), "image/png", "pictures:EslfWriter"),
@@ -184,12 +173,6 @@ def find_implied(path: PurePath, options: WriterOptions) -> str | None:
     return "eslf" if is_named else None
 
 
-def check_format(name: str) -> None:
-    """Raises `InvalidOption` where `name` is no format of `FORMATS`."""
-    if name not in FORMATS:
-        raise InvalidOption(f"format: {name[:40]!r} is not known; give {', '.join(FORMATS)}")
-
-
 FOLDER = "folder"
 """The name of the format of a folder of views, which is no file."""
 
@@ -216,8 +199,8 @@ class FileWriter(Writer):
     """Writes one file in the format that was asked for; without one, PNG for one view and zip for several."""
 
     def __init__(self, file: IO[bytes], wanted: str | None, options: WriterOptions | None = None) -> None:
-        if wanted is not None:
-            check_format(wanted)
+        if wanted is not None and wanted not in FORMATS:
+            raise InvalidOption(f"format: {wanted[:40]!r} is not known; give {', '.join(FORMATS)}")
         self._file = file
         self._wanted = wanted
         self._options = options or WriterOptions()

@@ -63,7 +63,7 @@ class WriterOptions:
     fps: float | None = None
     """Frames per second of a video; None: 30, or of pictures at several times as many as let them pass as they do."""
     epi: str = ""
-    """The line of an EPI picture, as `EpiLine.parse` reads it; empty: the middle row of the centre view."""
+    """The line of an EPI picture, as `parse_epi` reads it; empty: the middle row of the centre view."""
 
     @classmethod
     def convert(cls, given: Mapping[str, Any]) -> WriterOptions:
@@ -103,25 +103,10 @@ def decode_text(data: bytes, name: str) -> str:
         raise Unreadable(f"{name}: no text in UTF-8; give the file that describes the display") from error
 
 
-@dataclass(frozen=True)
-class EpiLine:
-    """A line through the light field: a row `y` of the views of row `v`, or a column `x` of the views of column `u`.
-
-    The other two are None, and `v` or `u` is None for the row or column of the centre view.
+def parse_epi(text: str) -> dict[str, int]:
+    """The numbers in `y=120`, `y=120,v=4`, `x=80` or `x=80,u=4`, by name, as `LightField.epi` takes them; none in empty
+    text. Raises `InvalidOption`.
     """
-
-    y: int | None = None
-    x: int | None = None
-    v: int | None = None
-    u: int | None = None
-
-    @classmethod
-    def parse(cls, text: str) -> EpiLine:
-        """`y=120`, `y=120,v=4`, `x=80` or `x=80,u=4`; empty text is no line. Raises `InvalidOption`."""
-        match = re.fullmatch(r"(?:y=(\d{1,6})(?:,v=(\d{1,6}))?|x=(\d{1,6})(?:,u=(\d{1,6}))?)?", text)
-        if match is None:
-            raise InvalidOption(
-                f"epi: {text[:40]!r} is not understood; give a row y=120 or a column x=80, or y=120,v=4"
-            )
-        y, v, x, u = (None if group is None else int(group) for group in match.groups())
-        return cls(y, x, v, u)
+    if re.fullmatch(r"(y=\d{1,6}(,v=\d{1,6})?|x=\d{1,6}(,u=\d{1,6})?)?", text) is None:
+        raise InvalidOption(f"epi: {text[:40]!r} is not understood; give a row y=120 or a column x=80, or y=120,v=4")
+    return {name: int(number) for name, number in re.findall(r"(\w)=(\d+)", text)}

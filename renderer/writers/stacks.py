@@ -5,18 +5,18 @@ Planes are made while they are written, one after the other: none is kept.
 
 from __future__ import annotations
 
-import io
 import json
 import re
 import zipfile
 from dataclasses import dataclass
 from functools import partial
-from importlib import import_module
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from ciir.renderer.levels import round_levels
 from ciir.renderer.writers import pictures
+from ciir.renderer.writers.archives import add_array
 from ciir.renderer.writers.atomic_write import Staged
 from ciir.renderer.writers.formats import FORMATS, check_options
 from ciir.renderer.writers.options import WriterOptions
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from ciir.renderer.readers.pictures import Pixels
+    from ciir.renderer.writers.containers.video import PathWriter
 
     Planes = Iterator[NDArray[np.float32]]
     WriteStack = Callable[[IO[bytes], "Stack"], list[str]]
@@ -73,16 +73,10 @@ def check_rate(fps: float | None, name: str | None) -> None:
     check_options(WriterOptions(fps=fps), uses, what)
 
 
-def round_plane(plane: NDArray[np.float32], dtype: np.dtype[Any]) -> Pixels:
-    """A plane as a picture of `dtype`."""
-    levels: Pixels = np.rint(plane).clip(0, np.iinfo(dtype).max).astype(dtype)
-    return levels
-
-
 def write_pictures(stack: Stack, write: Callable[[str, bytes], object]) -> list[str]:
     """Gives `NAME.png` of each plane to `write`, and `report.json`; returns no notes, as all of these."""
     for name, plane in zip(stack.names, stack.read(), strict=True):
-        write(f"{name}.png", encode_png(round_plane(plane, stack.dtype)))
+        write(f"{name}.png", encode_png(round_levels(plane, stack.dtype)))
     write(REPORT, report_json(stack.describe()))
     return []
 
@@ -114,7 +108,7 @@ def _write_zip(file: IO[bytes], stack: Stack) -> list[str]:
 
 def _write_picture(file: IO[bytes], stack: Stack, picture: pictures.PictureFormat) -> list[str]:
     (plane,) = stack.read()
-    file.write(picture.encode(round_plane(plane, stack.dtype)))
+    file.write(picture.encode(round_levels(plane, stack.dtype)))
     return []
 
 
@@ -129,7 +123,7 @@ def _write_tiff(file: IO[bytes], stack: Stack) -> list[str]:
     handle = tifffile.FileHandle(file, name="stack.tif")  # the name of a file that a descriptor opened is a number
     with tifffile.TiffWriter(handle, bigtiff=size > 2**31) as tiff:
         for name, plane in zip(stack.names, stack.read(), strict=True):
-            picture = round_plane(plane, stack.dtype)
+            picture = round_levels(plane, stack.dtype)
             tiff.write(
                 picture if channels > 1 else picture[..., 0],
                 **describe_page(channels),
@@ -153,22 +147,19 @@ def _write_npz(file: IO[bytes], stack: Stack) -> list[str]:
         with archive.open(zipfile.ZipInfo("planes.npy", ZIP_DATE), "w", force_zip64=True) as member:
             _write_npy(member, stack)
         report = report_json(stack.describe()).decode()
-        for name, array in ((stack.kind, np.array(stack.values)), ("report", np.array(report))):
-            buffer = io.BytesIO()
-            np.lib.format.write_array(buffer, array, allow_pickle=False)
-            archive.writestr(zipfile.ZipInfo(f"{name}.npy", ZIP_DATE), buffer.getvalue())
+        add_array(archive, stack.kind, np.array(stack.values))
+        add_array(archive, "report", np.array(report))
     return []
 
 
-def _write_video(file: IO[bytes], stack: Stack, writer: str) -> list[str]:
+def _write_video(file: IO[bytes], stack: Stack, name: str) -> list[str]:
     """Frames of 8-bit RGB from the first plane to the last and back."""
-    video = import_module("ciir.renderer.writers.containers.video")
     back = range(len(stack) - 2, 0, -1)
-    found = getattr(video, writer)(file, WriterOptions(frames=len(stack) + len(back), fps=stack.fps))
+    options = WriterOptions(frames=len(stack) + len(back), fps=stack.fps)
+    writer = cast("PathWriter", FORMATS[name].make_writer(file, options))
     height, width, channels = stack.shape
-    found.check(Contents(((0, 0),), (1, 1), height, width, channels, stack.dtype))
-    notes: list[str] = found.write_frames(_list_frames(stack, back))
-    return notes
+    writer.check(Contents(((0, 0),), (1, 1), height, width, channels, stack.dtype))
+    return writer.write_frames(_list_frames(stack, back))
 
 
 def _list_frames(stack: Stack, back: range) -> Iterator[NDArray[np.uint8]]:
@@ -202,10 +193,7 @@ STACK: dict[str, WriteStack] = {
     "stack": _write_tiff,
     "npy": _write_npy,
     "npz": _write_npz,
-    "mp4": partial(_write_video, writer="Mp4Writer"),
-    "webm": partial(_write_video, writer="WebmWriter"),
-    "gif": partial(_write_video, writer="GifWriter"),
-    "animated-webp": partial(_write_video, writer="WebpWriter"),
+    **{name: partial(_write_video, name=name) for name in ("mp4", "webm", "gif", "animated-webp")},
 }
 """What writes several planes, by names there."""
 PLANE_BY_SUFFIX, STACK_BY_SUFFIX = (

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
-    from ciir.renderer.light_field import DepthSense, LightField
+    from ciir.renderer.light_field import LightField
     from ciir.renderer.readers.pictures import Pixels
-    from ciir.renderer.views import View
+    from ciir.renderer.views import DepthSense, View
     from ciir.renderer.writers.formats import Format
     from ciir.renderer.writers.writer import Writer
 

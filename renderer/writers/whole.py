@@ -13,9 +13,8 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.writers.writer import Writer, file_name
 
 if TYPE_CHECKING:
-    from ciir.renderer.light_field import DepthSense
     from ciir.renderer.readers.pictures import Pixels
-    from ciir.renderer.views import View
+    from ciir.renderer.views import DepthSense, View
     from ciir.renderer.writers.options import WriterOptions
     from ciir.renderer.writers.writer import Contents
 

@@ -16,9 +16,8 @@ if TYPE_CHECKING:
     from types import TracebackType
     from typing import Self
 
-    from ciir.renderer.light_field import DepthSense
     from ciir.renderer.readers.pictures import Pixels
-    from ciir.renderer.views import View
+    from ciir.renderer.views import DepthSense, View
 
 REPORT = "report.json"
 ZIP_DATE = (1980, 1, 1, 0, 0, 0)

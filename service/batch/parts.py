@@ -49,8 +49,6 @@ PART_PIXELS = 1 << 25
 """Output pixels of a part: some seconds to half a minute of a core."""
 MOST_FRAMES = 64
 """In a part of a video."""
-CONTAINERS = {"MP4": "mp4", "MKV": "matroska", "GIF": "gif"}
-"""Formats of videos -> FFmpeg's names."""
 
 
 def cut(source: Source, task: Task, options: Options) -> tuple[Part, ...]:
@@ -80,8 +78,8 @@ def select_views(part: Part, options: Options) -> Options:
 
 
 def _cut_video(source: Source, options: Options) -> tuple[Part, ...]:
-    data, container, bundle = _open_video(source)
-    (height, width), times = video.list_times(data, container, bundle.name, bundle.limits)
+    data, bundle = _open_video(source)
+    (height, width), times = video.list_times(data, bundle.name, bundle.limits)
     pixels_v, pixels_u = options.pixels or (1, 1)
     rows, columns = options.lenses or (max(1, height // pixels_v), max(1, width // pixels_u))
     wanted = parse_views(options.views, height // rows, width // columns)
@@ -95,22 +93,20 @@ def _cut_video(source: Source, options: Options) -> tuple[Part, ...]:
     return tuple(Part(f"frames_{start:06d}", first=start, times=tuple(times[start : start + size])) for start in starts)
 
 
-def _open_video(source: Source) -> tuple[bytes, str, Bundle]:
+def _open_video(source: Source) -> tuple[bytes, Bundle]:
     assert isinstance(source, Bundle)  # noqa: S101 - the suffix is a video's
     found = find_main(source)
     assert found is not None  # noqa: S101
-    return source.files[found[1]], CONTAINERS[found[0].name], source
+    return source.files[found[1]], source
 
 
 def write_frames(source: Source, part: Part, options: Options, path: Path) -> Report:
     """Writes the view of each frame of the part to a folder; the report is that of the first, with all views."""
-    data, container, bundle = _open_video(source)
+    data, bundle = _open_video(source)
     reports = []
     with FolderWriter(path) as writer:
         frames = FrameWriter(writer, part.times)
-        pictures = video.read_frames(
-            data, container, bundle.name, bundle.limits, first=part.first, count=len(part.times)
-        )
+        pictures = video.read_frames(data, bundle.name, bundle.limits, first=part.first, count=len(part.times))
         for number, pixels in enumerate(pictures, part.first):
             name = f"{bundle.name} frame {number}.png"
             frame = Bundle(name, name, {name: encode_png(pixels)}, bundle.limits)

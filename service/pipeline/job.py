@@ -20,10 +20,9 @@ from ciir.service.pipeline.options import AUTO, MESH, NO_MODEL, Options
 from ciir.service.pipeline.stages.arrangement import Arrangement, arrange_views
 
 if TYPE_CHECKING:
-    from ciir.renderer.light_field import DepthSense
     from ciir.renderer.placement import Placement
     from ciir.renderer.view_order.estimate import OrderEstimate
-    from ciir.renderer.views import View
+    from ciir.renderer.views import DepthSense, View
     from ciir.service.pipeline.options import Backend, Sampling, Strategy
     from ciir.service.pipeline.source import Content
 

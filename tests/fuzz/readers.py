@@ -74,7 +74,7 @@ def mesh(kind: Format, *beside: str, pose: MeshPose = AS_STORED) -> Callable[[by
         name = f"main.{kind.extension}"
         if identify(name, main) is kind:
             files = {name: main, **dict(zip(beside, others, strict=False))}
-            check_scene(meshes.read(Bundle(name, name, files, LIMITS), kind, pose=pose))
+            check_scene(meshes.read(Bundle(name, name, files, LIMITS), name, kind, pose=pose))
 
     return check
 

@@ -17,12 +17,12 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 
 from ciir.errors import Error
+from ciir.renderer.levels import round_levels
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.meshes.pose import MeshPose
 from ciir.renderer.readers.registry import SUFFIXES
 from ciir.renderer.writers.formats import FileWriter
-from ciir.renderer.writers.stacks import Stack, round_plane
 from ciir.service.pipeline.displays.pictures import make_picture
 from ciir.service.pipeline.focus.disparities import find_disparity
 from ciir.service.pipeline.focus.planes import refocus
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from starlette.types import Message
 
     from ciir.renderer.displays.pictures import Kind as DisplayKind
+    from ciir.renderer.writers.stacks import Stack
     from ciir.service.jobs.job import Request as Job
     from ciir.service.pipeline.options import KindName
 
@@ -105,7 +106,7 @@ def plane_form(data: bytes) -> None:
 
     def write(stack: Stack) -> list[str]:
         for plane in stack.read():
-            check_pixels(round_plane(plane, stack.dtype))
+            check_pixels(round_levels(plane, stack.dtype))
         return []
 
     refocus(_VIEWS, KINDS["plane"].parse(job.options), write, max_pixels=20_000)

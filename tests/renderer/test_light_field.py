@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciir.errors import InvalidOption
-from ciir.renderer.light_field import LightField, Pickup
+from ciir.renderer.light_field import LightField
+from ciir.renderer.views import Pickup
 
 SIDES = st.integers(1, 6)
 SETTINGS = settings(max_examples=80)

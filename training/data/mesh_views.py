@@ -7,7 +7,6 @@ A mesh is rotated at random, framed as in the service, scaled, and rendered for 
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -66,10 +65,10 @@ def read_mesh(path: str | Path) -> Scene:
     """
     bundle = Bundle.from_path(Path(path))
     found = inputs.find_main(bundle)
-    if found is None or not isinstance(found[0], MeshFormat):
+    format_, key = found or (None, "")
+    if format_ is None or not isinstance(format_, MeshFormat):
         raise ValueError(f"{path}: holds pictures, not a mesh; name mesh files only")
-    format_, key = found
-    scene = meshes.read(replace(bundle, main=key), format_)
+    scene = meshes.read(bundle, key, format_)
     for note in scene.notes:
         tqdm.write(f"{path}: {note}", file=sys.stderr)
     return scene

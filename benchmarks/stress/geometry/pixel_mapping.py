@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from ciir.benchmarks.stress.case import Case, Effort
-    from ciir.renderer.light_field import Pickup
     from ciir.renderer.readers.pictures import Pixels
+    from ciir.renderer.views import Pickup
 
 DEPTHS = (np.uint8, np.uint16)
 GRIDS = ((1, 1, 1, 1), (1, 9, 5, 1), (3, 1, 2, 7), (5, 7, 3, 9), (13, 11, 4, 6))

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from ciir.renderer.backends.embree import PreparedScene, list_rays
-from ciir.renderer.focus.stereo.sweep import read_levels
+from ciir.renderer.focus.stereo.sweep import find_overlap, read_levels
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -47,7 +47,7 @@ def find_share(is_shown: NDArray[np.bool_], view: View, disparity: float) -> NDA
     views = list(_list_views(is_shown))
     for v, u in views:
         down, across = (round(-disparity * (other - own)) for other, own in zip((v, u), view, strict=True))
-        (to_y, from_y), (to_x, from_x) = _overlap(height, down), _overlap(width, across)
+        (to_y, from_y), (to_x, from_x) = find_overlap(height, down), find_overlap(width, across)
         share[to_y, to_x] += ~is_shown[v, u, from_y, from_x]
     return share / np.float32(max(len(views), 1))
 
@@ -94,10 +94,3 @@ def _list_views(is_shown: NDArray[np.bool_]) -> Iterator[View]:
     """Those that count: spread over the grid, with some background."""
     rows, cols = (np.unique(np.linspace(0, n - 1, VIEWS).round().astype(int)) for n in is_shown.shape[:2])
     return ((int(v), int(u)) for v in rows for u in cols if not is_shown[v, u].all())
-
-
-def _overlap(length: int, by: int) -> tuple[slice, slice]:
-    """Where a line of pixels that is looked up `by` pixels further along has some: in the view, and in itself."""
-    by = min(max(by, -length), length)
-    low, high = max(0, -by), min(length, length - by)
-    return slice(low, high), slice(low + by, high + by)

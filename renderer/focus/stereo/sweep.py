@@ -104,10 +104,11 @@ class Sweep:
             total, count = np.zeros_like(cost), np.zeros_like(cost)
             for picture in side:
                 whole, phase = divmod(-picture.distance * plane, self._parts)
-                here, there = _overlap(cost.shape[picture.axis - 1], whole, picture.axis)
-                difference = self.own[here] - picture.phases[phase][there]
-                total[here[1:]] += np.einsum("chw,chw->hw", difference, difference)
-                count[here[1:]] += len(difference)
+                here, there = find_overlap(cost.shape[picture.axis - 1], whole)
+                before = (slice(None),) * (picture.axis - 1)
+                difference = self.own[:, *before, here] - picture.phases[phase][:, *before, there]
+                total[*before, here] += np.einsum("chw,chw->hw", difference, difference)
+                count[*before, here] += len(difference)
             every += total
             reached += count
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -132,11 +133,11 @@ def _blur(picture: NDArray[np.float32], deviation: float) -> NDArray[np.float32]
     return blurred
 
 
-def _overlap(length: int, by: int, axis: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
-    """Where a picture that is looked up `by` pixels further along `axis` has pixels: in the view, and in itself."""
-    low, high = max(0, -by), max(0, -by, min(length, length - by))
-    before = (slice(None),) * axis
-    return (*before, slice(low, high)), (*before, slice(low + by, high + by))
+def find_overlap(length: int, by: int) -> tuple[slice, slice]:
+    """Where a line of pixels that is looked up `by` pixels further along has some: in the view, and in itself."""
+    by = min(max(by, -length), length)
+    low, high = max(0, -by), min(length, length - by)
+    return slice(low, high), slice(low + by, high + by)
 
 
 def _interpolate(picture: NDArray[np.float32], axis: int, fraction: float) -> NDArray[np.float32]:

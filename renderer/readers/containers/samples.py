@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import DTypeLike, NDArray
 
-    from ciir.renderer.light_field import DepthSense
     from ciir.renderer.limits import Limits
     from ciir.renderer.readers.layout import Layout
+    from ciir.renderer.views import DepthSense
 
 ROUNDED = "samples are floating-point numbers, rounded to 16 bit"
 """A note."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import math
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import av
@@ -22,7 +23,7 @@ from ciir.renderer.readers.eia.period import Periods
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from av import VideoFrame
+    from av import Packet, VideoFrame
     from av.container import InputContainer
     from av.video.stream import VideoStream
     from numpy.typing import NDArray
@@ -36,32 +37,18 @@ CODECS = frozenset({
     "vp8", "vp9",
 })  # fmt: skip
 """FFmpeg's names of the decoders that untrusted bytes reach."""
+_CONTAINERS = {b"\x1aE\xdf\xa3": "matroska", b"GIF": "gif"}
+"""First bytes of a file -> FFmpeg's name of its format; MP4 and QuickTime begin with a length."""
 MOVES_RIGHT = "frames are taken as views of a camera that moves from left to right; flip u where it moves to the left"
 ONE_ROW = "frames are taken as one row of views; give pixels ROWSxCOLUMNS (of views) where they are a grid, row by row"
 
 
-def read_mp4(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
-    """An MP4 or QuickTime file."""
-    return _read(data, "mp4", name, layout, limits)
-
-
-def read_matroska(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
-    """A Matroska or WebM file."""
-    return _read(data, "matroska", name, layout, limits)
-
-
-def read_gif(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
-    """An animated GIF."""
-    return _read(data, "gif", name, layout, limits)
-
-
-def _read(data: bytes, container: str, name: str, layout: Layout, limits: Limits) -> LightField:
+def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
     """Frame `layout.frame` as an elemental image array, or all frames as views (`Layout.selects_frame`)."""
-    with av.open(io.BytesIO(data), "r", format=container) as file:
-        stream = _open_stream(file, name, limits)
+    with _open(data, name, limits) as (file, stream):
         if layout.selects_frame:
-            return _read_eia(_decode(file, stream), name, layout)
-        frames = _count_frames(data, container)
+            return _read_eia(map(_convert, file.decode(stream)), name, layout)
+        frames = len(_list_packets(file, stream))
     rows, columns = layout.pixels or (1, frames)
     if rows * columns != frames:
         raise InvalidOption(
@@ -69,21 +56,16 @@ def _read(data: bytes, container: str, name: str, layout: Layout, limits: Limits
             "give the rows and columns of views, or leave it out for one row; arrangement eia reads a frame as an "
             "elemental image array"
         )
-    with av.open(io.BytesIO(data), "r", format=container) as file:
-        stream = _open_stream(file, name, limits)
-        views = _read_views(_decode(file, stream), (rows, columns), name, limits)
+    with _open(data, name, limits) as (file, stream):
+        views = _read_views(map(_convert, file.decode(stream)), (rows, columns), name, limits)
     notes = (MOVES_RIGHT,) if layout.pixels else (MOVES_RIGHT, ONE_ROW)
     return LightField(views, (*notes, *_note_arrays(views[0, 0])), depth_sense="cameras")
 
 
-def list_times(data: bytes, container: str, name: str, limits: Limits) -> tuple[tuple[int, int], list[float]]:
-    """The height and width of the frames of a video, and the time of each in seconds, from 0 on.
-
-    `container`: FFmpeg's name of the format. Raises as the readers above.
-    """
-    with av.open(io.BytesIO(data), "r", format=container) as file:
-        stream = _open_stream(file, name, limits)
-        packets = [packet for packet in file.demux(stream) if packet.size > 0]
+def list_times(data: bytes, name: str, limits: Limits) -> tuple[tuple[int, int], list[float]]:
+    """The height and width of the frames of a video, and the time of each in seconds, from 0 on. Raises as `read`."""
+    with _open(data, name, limits) as (file, stream):
+        packets = _list_packets(file, stream)
         size, step = (stream.height, stream.width), float(1 / (stream.average_rate or 30))
     stamps = sorted(float(packet.pts * packet.time_base) for packet in packets if packet.pts is not None)
     if len(stamps) < len(packets):
@@ -91,12 +73,9 @@ def list_times(data: bytes, container: str, name: str, limits: Limits) -> tuple[
     return size, [stamp - stamps[0] for stamp in stamps]
 
 
-def read_frames(
-    data: bytes, container: str, name: str, limits: Limits, *, first: int, count: int
-) -> Iterator[NDArray[Any]]:
+def read_frames(data: bytes, name: str, limits: Limits, *, first: int, count: int) -> Iterator[NDArray[Any]]:
     """`count` frames of a video from the frame `first` on, RGB `(H, W, 3)`; raises as `list_times`."""
-    with av.open(io.BytesIO(data), "r", format=container) as file:
-        stream = _open_stream(file, name, limits)
+    with _open(data, name, limits) as (file, stream):
         done = 0
         for number, frame in enumerate(file.decode(stream)):
             if number >= first and done < count:
@@ -106,6 +85,14 @@ def read_frames(
                 return
     if done < count:
         raise Unreadable(f"{name}: {first + done} frames can be decoded, {first + count} were expected; give it whole")
+
+
+@contextmanager
+def _open(data: bytes, name: str, limits: Limits) -> Iterator[tuple[InputContainer, VideoStream]]:
+    """The file, by no other demuxer than its first bytes ask for, and its first video stream."""
+    container = next((known for start, known in _CONTAINERS.items() if data.startswith(start)), "mp4")
+    with av.open(io.BytesIO(data), "r", format=container) as file:
+        yield file, _open_stream(file, name, limits)
 
 
 def _open_stream(file: InputContainer, name: str, limits: Limits) -> VideoStream:
@@ -125,18 +112,13 @@ def _open_stream(file: InputContainer, name: str, limits: Limits) -> VideoStream
     return stream
 
 
-def _count_frames(data: bytes, container: str) -> int:
-    """Packets of the first video stream: a frame each. The number in the header may be missing or wrong."""
-    with av.open(io.BytesIO(data), "r", format=container) as file:
-        return sum(1 for packet in file.demux(file.streams.video[0]) if packet.size > 0)
-
-
-def _decode(file: InputContainer, stream: VideoStream) -> Iterator[NDArray[Any]]:
-    """RGB frames `(H, W, 3)`, turned upright; 16 bit where the video has more than 8."""
-    yield from map(_convert, file.decode(stream))
+def _list_packets(file: InputContainer, stream: VideoStream) -> list[Packet[VideoStream]]:
+    """A packet for each frame: the number in the header may be missing or wrong."""
+    return [packet for packet in file.demux(stream) if packet.size > 0]
 
 
 def _convert(frame: VideoFrame) -> NDArray[Any]:
+    """RGB `(H, W, 3)`, turned upright; 16 bit where the video has more than 8."""
     is_deep = frame.format.components[0].bits > 8
     pixels = frame.to_ndarray(format="rgb48le" if is_deep else "rgb24")
     return np.rot90(pixels, round(frame.rotation / 90))

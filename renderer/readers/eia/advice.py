@@ -55,70 +55,65 @@ def describe_fitting(periods: Periods, picture: Pixels, layout: Layout, given: P
     return _describe_lenses(periods, picture, max(layout.pixels or (USUAL_PIXELS,)), advice)
 
 
-def note_exchanged(periods: Periods, lenses: Pair, grid: Pair) -> tuple[str, ...]:
-    """A note on a picture whose elemental images have about as many pixels as `lenses`, which were given."""
+def note_exchanged(periods: Periods, lenses: Pair, grid: Pair) -> str:
+    """A note on a picture whose elemental images have about as many pixels as the given `lenses`; else empty."""
     found = periods.find() if lenses[0] < grid[0] and lenses[1] < grid[1] else None
     if found is None or not all(map(is_near, found, lenses)):
-        return ()
+        return ""
     given = f"{lenses[0]}x{lenses[1]}"
-    note = (
+    return (
         f"lenses: read as {given} lenses of {grid[0]}x{grid[1]} pixels, but the picture repeats about every "
         f"{found[0]}x{found[1]} pixels; if {given} are the pixels of an elemental image, give pixels {given}"
     )
-    return (note,)
 
 
-def note_raw(eia: Pixels, grid: Pair) -> tuple[str, ...]:
-    """A note on a picture whose lenses clearly are no grid of elemental images of `grid` pixels."""
+def note_raw(eia: Pixels, grid: Pair) -> str:
+    """A note on a picture whose lenses clearly are no grid of elemental images of `grid` pixels; else empty."""
     lenses = _find_other_lenses(eia, max(grid), grid)
     if not lenses:
-        return ()
-    note = (
+        return ""
+    return (
         f"pixels: read as elemental images of {grid[0]}x{grid[1]} pixels, but {lenses}, so that views mix places under "
         "the lenses; lens_pitch auto reads it as a raw lenslet picture"
     )
-    return (note,)
 
 
-def note_period(periods: Periods, grid: Pair, *, fits: bool) -> tuple[str, ...]:
-    """A note on a picture that shows elemental images of another size than `grid`, or none.
+def note_period(periods: Periods, grid: Pair, *, fits: bool) -> str:
+    """A note on a picture that shows elemental images of another size than `grid`, or none; else empty.
 
     `fits`: whether it repeats after `grid` pixels. It does so too where these are several elemental images.
     """
     if fits and periods.is_mosaic(grid):
         counts = _divide(periods.size, grid)
-        note = (
+        return (
             f"arrangement: read as {counts} elemental images of {grid[0]}x{grid[1]} pixels, which may be views: if "
             f"they are, give arrangement mosaic and pixels {counts}"
         )
-        return (note,)
     if fits and not periods.repeats_within(grid):
-        return ()
+        return ""
     seen = _describe_period(periods, "auto").removeprefix("; ")
     plain = "" if seen else f"; {PLAIN}"
     seen = f"but {seen}" if seen else "which the picture doesn't show clearly"
-    note = (
+    return (
         f"arrangement: read as elemental images of {grid[0]}x{grid[1]} pixels, {seen}; check lenses and pixels, or "
         f"give arrangement mosaic for views side by side{plain}"
     )
-    return (note,)
 
 
-def note_other_views(periods: Periods, view: Pair, grid: Pair) -> tuple[str, ...]:
+def note_other_views(periods: Periods, view: Pair, grid: Pair) -> str:
     """A note on a mosaic, read as `grid` views of `view` pixels, that certainly is one of other views, or that repeats
-    as elemental images of `grid` pixels do.
+    as elemental images of `grid` pixels do; else empty.
     """
     found = periods.find()
     if found is not None and all(map(is_near, found, grid)):
-        note = (
+        return (
             f"arrangement: read as a mosaic of {grid[0]}x{grid[1]} views, but the picture repeats about every "
             f"{found[0]}x{found[1]} pixels, as elemental images of {grid[0]}x{grid[1]} do; arrangement eia reads it so"
         )
-        return (note,)
     seen = _describe_mosaic(periods)
     if not seen or view == periods.rank_sizes()[0]:
-        return ()
-    return (f"pixels: read as a mosaic of {grid[0]}x{grid[1]} views of {view[0]}x{view[1]} pixels, but {seen}",)
+        return ""
+    return f"pixels: read as a mosaic of {grid[0]}x{grid[1]} views of {view[0]}x{view[1]} pixels, but {seen}"
 
 
 def advise_quilt(view: Pair, grid: Pair) -> str:

@@ -34,19 +34,19 @@ class Periods:
 
     def __init__(self, picture: Pixels) -> None:
         self.size = picture.shape[0], picture.shape[1]
-        self._is_small = min(self.size) < LEAST_SIDE
-        self._correlations = [] if self._is_small else [_correlate(picture, axis) for axis in (0, 1)]
+        is_small = min(self.size) < LEAST_SIDE
+        self._correlations = [] if is_small else [_correlate(picture, axis) for axis in (0, 1)]
 
     def find_arrangement(self, grid: tuple[int, int]) -> Literal["eia", "mosaic"] | None:
         """What the picture is: elemental images of `grid` pixels, or `grid` rows and columns of views; None where that
         is not certain.
         """
         found = []
-        for values, count in zip(self._correlations, () if self._is_small else grid, strict=True):
+        for values, count in zip(self._correlations, grid, strict=False):
             size = len(values) // count
             if count > 1 and size > 1:
                 # Views are shifted against each other by their parallax, and so are elemental images, by less.
-                far, near = _find_highest(values, size, size // 4), _find_highest(values, count, 1 + count // 8)
+                far, near = _find_highest(values, size, size // 4), _find_highest(values, count, _find_reach(count))
                 found.append((far, near))
         if found and all(far >= max(LEAST_CORRELATION, CLEAR * near) for far, near in found):
             sizes = [length // count for length, count in zip(self.size, grid, strict=True)]

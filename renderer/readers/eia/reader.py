@@ -20,7 +20,7 @@ from ciir.renderer.readers.eia.advice import (
 from ciir.renderer.readers.eia.period import Periods
 from ciir.renderer.readers.layout import TEXT
 from ciir.renderer.readers.metadata.colour_profiles import note_profile
-from ciir.renderer.readers.registry import find_by_signature
+from ciir.renderer.readers.picture_sizes import find_format, read_size
 
 if TYPE_CHECKING:
     import numpy as np
@@ -43,19 +43,21 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     """
     picture = pictures.decode(data, name=name, max_pixels=limits.pixels)
     layout = complete_layout(layout, data)
-    is_jpeg = any(entry.name == "JPEG" for entry in find_by_signature(data))
+    entry = find_format(data)
+    is_jpeg = entry is not None and entry.name == "JPEG"
     found = read_pixels(picture, name=name, layout=layout, jpeg=data if is_jpeg else b"")
     return replace(found, notes=(*found.notes, *note_profile(data, name)))
 
 
 def complete_layout(layout: Layout, data: bytes) -> Layout:
     """With the layout that the picture in `data` was written with, where `layout` leaves it open."""
-    if not any(entry.name == "PNG" for entry in find_by_signature(data)):
+    entry = find_format(data)
+    if entry is None or entry.name != "PNG":
         return layout
     from ciir.renderer.readers import png  # it imports Pillow
 
-    text = png.find_text(data, TEXT)
-    return layout if text is None else layout.complete(text, png.read_size(data))
+    text, size = png.find_text(data, TEXT), read_size(entry, data)
+    return layout if text is None or size is None else layout.complete(text, size)
 
 
 def read_pixels(picture: Pixels, *, name: str, layout: Layout, jpeg: bytes = b"") -> LightField:
@@ -80,14 +82,14 @@ def read_pixels(picture: Pixels, *, name: str, layout: Layout, jpeg: bytes = b""
     rows, cols = _count_lenses(picture, layout, periods)
     grid = picture.shape[0] // rows, picture.shape[1] // cols
     is_open = layout.arrangement == "auto"
-    exchanged = note_exchanged(periods, (rows, cols), grid) if is_open else ()
-    seen = periods.find_arrangement(grid) if is_open and not exchanged else None
+    note = note_exchanged(periods, (rows, cols), grid) if is_open else ""
+    seen = periods.find_arrangement(grid) if is_open and not note else None
     if layout.arrangement == "mosaic" or (seen == "mosaic" and layout.pickup == "virtual"):
         return _read_mosaic(picture, grid, periods, is_sure=not is_open)
-    notes: tuple[str, ...] = ()
     if is_open:
-        notes = exchanged or note_raw(picture, grid) or note_period(periods, grid, fits=seen is not None)
-    if jpeg and layout.restores_jpeg and not notes:
+        note = note or note_raw(picture, grid) or note_period(periods, grid, fits=seen is not None)
+    notes: tuple[str, ...] = (note,) if note else ()
+    if jpeg and layout.restores_jpeg and not note:
         picture, notes = _restore(jpeg, picture, grid)
     return replace(LightField.from_eia(picture, rows=rows, cols=cols, pickup=layout.pickup), notes=notes)
 
@@ -134,8 +136,8 @@ def _read_mosaic(mosaic: Pixels, grid: Pair, periods: Periods, *, is_sure: bool)
         f"{grid[0]}x{grid[1]} views, not as an elemental image array; arrangement eia reads it as one"
         f"{advise_quilt(view, grid)}"
     )
-    notes = note_other_views(periods, view, grid) or (() if is_sure else (note,))
-    return LightField(tiles.swapaxes(1, 2), notes, depth_sense="cameras")
+    note = note_other_views(periods, view, grid) or ("" if is_sure else note)
+    return LightField(tiles.swapaxes(1, 2), (note,) if note else (), depth_sense="cameras")
 
 
 def _count_lenses(eia: Pixels, layout: Layout, periods: Periods) -> Pair:

@@ -21,10 +21,10 @@ from ciir.renderer.readers.lytro.metadata import find_camera
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
-    from ciir.renderer.light_field import DepthSense
     from ciir.renderer.readers.bundle import Bundle
     from ciir.renderer.readers.lytro.metadata import Camera
     from ciir.renderer.readers.pictures import Pixels
+    from ciir.renderer.views import DepthSense
 
 _SAME = 0.01
 """Of the pitch: a quick look at some lenses finds it to less."""

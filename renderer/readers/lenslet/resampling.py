@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from ciir.errors import InvalidOption
-from ciir.renderer.light_field import Pickup, is_turned
+from ciir.renderer.views import Pickup, is_turned
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
+from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable
 from ciir.renderer.placement import AS_GIVEN
 from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose, see_through
 from ciir.renderer.readers.meshes.texture_files import Resolver
 from ciir.renderer.readers.names import clean_text
-from ciir.renderer.readers.registry import MeshFormat
 from ciir.renderer.surface import assemble_scene
 
 if TYPE_CHECKING:
@@ -19,18 +18,21 @@ if TYPE_CHECKING:
 
     from ciir.renderer.placement import Placement
     from ciir.renderer.readers.bundle import Bundle
-    from ciir.renderer.readers.registry import Format
+    from ciir.renderer.readers.registry import MeshFormat
     from ciir.renderer.scene import Scene
 
 
 def read(
     bundle: Bundle,
-    format_: Format,
+    key: str,
+    format_: MeshFormat,
     placement: Placement = AS_GIVEN,
+    *,
     pose: MeshPose = AS_STORED,
     beside: Sequence[str] = (),
 ) -> Scene:
-    """The mesh `bundle.main`, checked, and lit as it will be placed. Its textures are looked up in the bundle by name.
+    """The mesh in the file `key`, checked, and lit as it will be placed. Its textures are looked up in the bundle by
+    name.
 
     The scene's notes list what was left out or replaced, such as a missing texture or triangles without area, and which
     of the pictures `beside` it doesn't use.
@@ -38,17 +40,13 @@ def read(
     Raises `InvalidOption` for a `pose` that the file doesn't have; `Unreadable` (also for whatever a parser raises),
     `UnsupportedType`, `TooLarge` (also where memory runs out) or `InvalidGeometry`.
     """
-    if bundle.main is None:
-        raise Unreadable(f"{clean_text(bundle.name)}: a set of files; say which of them is the mesh")
     name = clean_text(bundle.name)
-    if not isinstance(format_, MeshFormat):
-        raise UnsupportedType(f"{name}: {format_.name} is not a mesh")
     if pose != AS_STORED and not format_.is_posed:
         raise InvalidOption(
             f"time, animation, camera: only those of glTF files are read, and {name} is {format_.name}; leave them out"
         )
-    data = bundle.files[bundle.main]
-    resolver = Resolver(bundle.files, bundle.main, bundle.limits.pixels)
+    data = bundle.files[key]
+    resolver = Resolver(bundle.files, key, bundle.limits.pixels)
     reader, lens = format_.load_reader(), None
     try:
         with np.errstate(all="ignore"):  # hostile numbers overflow on the way; what comes of them is checked below
@@ -63,11 +61,9 @@ def read(
     except Exception as error:
         why = clean_text(f"{type(error).__name__}: {error}")
         raise Unreadable(f"{name}: holds no {format_.name} data that can be read ({why}); export it again") from error
-    if unused := [key for key in beside if key not in resolver.used]:
+    if unused := [other for other in beside if other not in resolver.used]:
         more = f" and {len(unused) - 1} more" if unused[1:] else ""
-        resolver.add_note(
-            f"{clean_text(unused[0])}{more} left out: the mesh {clean_text(bundle.main)} names no such file"
-        )
+        resolver.add_note(f"{clean_text(unused[0])}{more} left out: the mesh {clean_text(key)} names no such file")
     try:
         scene = assemble_scene(
             surfaces,

@@ -18,7 +18,7 @@ from ciir.renderer.readers.view_set.numbered_names import NumberedNames, find_st
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ciir.renderer.light_field import DepthSense
+    from ciir.renderer.views import DepthSense
 
 ROW_LABELS = frozenset({"row", "r", "v", "y", "t"})
 COLUMN_LABELS = frozenset({"column", "col", "c", "u", "x", "s"})

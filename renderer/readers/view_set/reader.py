@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 
 from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
-from ciir.renderer.light_field import DepthSense
 from ciir.renderer.limits import DEFAULT_LIMITS, Limits
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.metadata.colour_profiles import note_profile
@@ -31,7 +30,7 @@ from ciir.renderer.readers.view_set.order import (
 )
 from ciir.renderer.readers.view_set.view_files import Decoder, ViewFiles
 from ciir.renderer.view_order.estimate import estimate_order
-from ciir.renderer.views import center_view, parse_views
+from ciir.renderer.views import DepthSense, center_view, parse_views
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -149,7 +148,7 @@ def _settle_order(views: ViewFiles, grid: Grid, layout: Layout, *, is_own: bool)
     found = estimate(views, layout)
     if not (found.is_wrong and is_automatic(layout)):
         return add_note(replace(turned, notes=notes), found, layout)
-    views = correct(views, found)
+    views = correct(turned, found)
     upwards = ", rows counted from the bottom up" if found.order.endswith("axis") else ""
     note = (
         f"order: {'x'.join(map(str, views.files.shape))} views, rows x columns: "

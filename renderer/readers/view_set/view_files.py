@@ -20,10 +20,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from ciir.renderer.light_field import DepthSense
     from ciir.renderer.limits import Limits
     from ciir.renderer.readers.pictures import Pixels
-    from ciir.renderer.views import Flip, View
+    from ciir.renderer.views import DepthSense, Flip, View
 
 
 class Decoder:

@@ -6,8 +6,7 @@ All three count cameras: a light field with the depth sense of lenses is written
 from __future__ import annotations
 
 import io
-from abc import abstractmethod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
@@ -16,8 +15,6 @@ from ciir.errors import InvalidOption
 from ciir.renderer.writers.whole import WholeWriter
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from ciir.renderer.light_field import LightField
     from ciir.renderer.writers.writer import Contents
 
@@ -29,19 +26,10 @@ _UNKNOWN = "hci: the distance of cameras and the focus are not known: dH, dV and
 
 
 class CameraWriter(WholeWriter):
-    """Writes an array of a light field whose depth sense is that of cameras."""
+    """The base class of writers of an array without alpha that counts cameras."""
 
     sense = "cameras"
     holds_alpha = False
-
-    def encode(self, light_field: LightField) -> list[str]:
-        """Writes the views."""
-        self.pack(light_field.views)
-        return []
-
-    @abstractmethod
-    def pack(self, views: NDArray[Any]) -> None:
-        """Writes `views[v, u, y, x, c]` to `file`."""
 
 
 class MatWriter(CameraWriter):
@@ -55,14 +43,15 @@ class MatWriter(CameraWriter):
         if size >= 2**31:
             raise InvalidOption(f"format: mat holds less than 2 GiB and the views have {size:,} bytes; give mat73")
 
-    def pack(self, views: NDArray[Any]) -> None:
+    def encode(self, light_field: LightField) -> list[str]:
         """The header's text has no date: the same views make the same bytes."""
         from scipy.io import savemat
 
-        savemat(self.file, {"LF": views})
+        savemat(self.file, {"LF": light_field.views})
         self.file.seek(0)
         self.file.write(b"MATLAB 5.0 MAT-file, written by ciir".ljust(_HEADER))
         self.file.seek(0, io.SEEK_END)
+        return []
 
 
 class Mat73Writer(CameraWriter):
@@ -70,15 +59,16 @@ class Mat73Writer(CameraWriter):
 
     name = "mat73"
 
-    def pack(self, views: NDArray[Any]) -> None:
+    def encode(self, light_field: LightField) -> list[str]:
         """MATLAB reads the class from an attribute, and the version from the block before the HDF5 file."""
         packed = io.BytesIO()
         with h5py.File(packed, "w", userblock_size=_USER_BLOCK) as file:
-            dataset = file.create_dataset("LF", data=views.T)
-            dataset.attrs["MATLAB_class"] = np.bytes_(views.dtype.name)
+            dataset = file.create_dataset("LF", data=light_field.views.T)
+            dataset.attrs["MATLAB_class"] = np.bytes_(light_field.dtype.name)
         header = b"MATLAB 7.3 MAT-file, written by ciir".ljust(_HEADER) + bytes(8) + b"\x00\x02IM"
         self.file.write(header.ljust(_USER_BLOCK, b"\0"))
         self.file.write(packed.getbuffer()[_USER_BLOCK:])
+        return []
 
 
 class HciWriter(CameraWriter):
@@ -87,19 +77,13 @@ class HciWriter(CameraWriter):
     name = "hci"
 
     def encode(self, light_field: LightField) -> list[str]:
-        """Notes the attributes that are not known."""
-        return [
-            *super().encode(light_field),
-            _UNKNOWN,
-        ]
-
-    def pack(self, views: NDArray[Any]) -> None:
-        """Writes views from the right to the left, and attributes whose sizes are known."""
-        rows, columns, height, width, channels = views.shape
+        """Writes views from the right to the left, and attributes; notes those that are not known."""
+        rows, columns, height, width, channels = light_field.shape
         packed = io.BytesIO()
         with h5py.File(packed, "w") as file:
-            file.create_dataset("LF", data=views[:, ::-1])
+            file.create_dataset("LF", data=light_field.views[:, ::-1])
             sizes = {"vRes": rows, "hRes": columns, "yRes": height, "xRes": width, "channels": channels}
             unknown = {"dH": 1.0, "dV": 1.0, "focalLength": 1.0, "shift": 0.0, "vSampling": 1.0, "hSampling": 1.0}
             file.attrs.update(sizes | unknown)
         self.file.write(packed.getbuffer())
+        return [_UNKNOWN]

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import io
 from abc import abstractmethod
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
 import tifffile
@@ -14,8 +14,9 @@ import tifffile
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.layout import TEXT, write_text
-from ciir.renderer.writers.options import EpiLine
+from ciir.renderer.writers.options import parse_epi
 from ciir.renderer.writers.pictures import SUFFIXES, encode
+from ciir.renderer.writers.pictures.tiff import describe_page
 from ciir.renderer.writers.whole import WholeWriter
 
 if TYPE_CHECKING:
@@ -29,6 +30,9 @@ ESLF_PIXELS = 14
 class PictureWriter(WholeWriter):
     """Writes a picture that is made of the light field."""
 
+    arrangement: Literal["eia", "mosaic"] | None = None
+    """How the views lie in the picture, which a PNG says; None where it isn't read by that."""
+
     @abstractmethod
     def draw(self, light_field: LightField) -> Pixels:
         """The picture, `(height, width, C)`."""
@@ -37,14 +41,10 @@ class PictureWriter(WholeWriter):
         """Refuses pixels that the picture format can't hold."""
         encode(contents.sample, self.options.suffix or SUFFIXES[0])
 
-    def describe(self, light_field: LightField) -> dict[str, str]:  # noqa: ARG002 - of the views, in those that have one
-        """The texts of a PNG, by keyword."""
-        return {}
-
     def encode(self, light_field: LightField) -> list[str]:
         """Writes the picture."""
-        suffix = self.options.suffix or SUFFIXES[0]
-        self.file.write(encode(self.draw(light_field), suffix, self.describe(light_field)))
+        text = {} if self.arrangement is None else {TEXT: write_text(self.arrangement, light_field.shape)}
+        self.file.write(encode(self.draw(light_field), self.options.suffix or SUFFIXES[0], text))
         return []
 
 
@@ -53,10 +53,7 @@ class EiaWriter(PictureWriter):
 
     name = "eia"
     sense = "lenses"
-
-    def describe(self, light_field: LightField) -> dict[str, str]:
-        """How many lenses there are, and pixels under each."""
-        return {TEXT: write_text("eia", light_field.views.shape)}
+    arrangement = "eia"
 
     def draw(self, light_field: LightField) -> Pixels:
         """The elemental image array."""
@@ -68,10 +65,7 @@ class MosaicWriter(PictureWriter):
 
     name = "mosaic"
     sense = "cameras"
-
-    def describe(self, light_field: LightField) -> dict[str, str]:
-        """How many views there are, and of which size."""
-        return {TEXT: write_text("mosaic", light_field.views.shape)}
+    arrangement = "mosaic"
 
     def draw(self, light_field: LightField) -> Pixels:
         """The mosaic."""
@@ -112,19 +106,10 @@ class StackWriter(WholeWriter):
         """Writes the pages (deflate, horizontal differences)."""
         views = light_field.views
         channels = views.shape[4]
-        colours = 3 if channels >= 3 else 1
+        metadata = {"axes": "QQYXS" if channels > 1 else "QQYX", "depth_sense": light_field.depth_sense}
+        described = {**describe_page(channels), "metadata": metadata}
         packed = io.BytesIO()
-        tifffile.imwrite(
-            packed,
-            views if channels > 1 else views[..., 0],
-            photometric="rgb" if colours == 3 else "minisblack",
-            planarconfig="contig" if channels > 1 else None,
-            extrasamples=["unassalpha"] if channels > colours else None,
-            compression="deflate",
-            predictor=True,
-            metadata={"axes": "QQYXS" if channels > 1 else "QQYX", "depth_sense": light_field.depth_sense},
-            software=False,
-        )
+        tifffile.imwrite(packed, views if channels > 1 else views[..., 0], **described)
         self.file.write(packed.getbuffer())
         return []
 
@@ -137,13 +122,11 @@ class EpiWriter(PictureWriter):
     def check(self, contents: Contents) -> None:
         """Refuses a line that is not there."""
         super().check(contents)
-        line = EpiLine.parse(self.options.epi)
         sizes = {"y": contents.height, "x": contents.width, "v": contents.grid[0], "u": contents.grid[1]}
-        for name, size in sizes.items():
-            if (getattr(line, name) or 0) >= size:
-                raise InvalidOption(f"epi: there is no {name}={getattr(line, name)}; give 0 to {size - 1}")
+        for name, number in parse_epi(self.options.epi).items():
+            if number >= sizes[name]:
+                raise InvalidOption(f"epi: there is no {name}={number}; give 0 to {sizes[name] - 1}")
 
     def draw(self, light_field: LightField) -> Pixels:
         """The epipolar plane image."""
-        line = EpiLine.parse(self.options.epi)
-        return light_field.epi(y=line.y, x=line.x, v=line.v, u=line.u)
+        return light_field.epi(**parse_epi(self.options.epi))

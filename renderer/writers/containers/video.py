@@ -18,10 +18,9 @@ from ciir.renderer.writers.options import WriterOptions
 from ciir.renderer.writers.whole import WholeWriter
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
-    from PIL import Image
 
     from ciir.renderer.light_field import LightField
     from ciir.renderer.readers.pictures import Pixels
@@ -157,6 +156,8 @@ class AnimationWriter(PathWriter):
     """Milliseconds of the format's clock."""
     lost = ""
     """A note on what the format changes."""
+    settings: Mapping[str, Any] = {}
+    """Pillow's name of the format, and its options."""
 
     def check(self, contents: Contents) -> None:
         """Refuses a rate that viewers don't keep."""
@@ -174,29 +175,19 @@ class AnimationWriter(PathWriter):
         ends = [round(1000 * (number + 1) / self.fps / self.unit) for number in range(self.count)]
         durations = [self.unit * (end - start) for start, end in zip([0, *ends], ends, strict=False)]
         first, *rest = [Image.fromarray(pixels) for pixels in frames]
-        self.save(first, save_all=True, append_images=rest, duration=durations, loop=0)
+        first.save(self.file, save_all=True, append_images=rest, duration=durations, loop=0, **self.settings)
         return [f"{self.name}: {self.lost}"]
-
-    @abstractmethod
-    def save(self, first: Image.Image, **options: Any) -> None:
-        """Writes the animation that starts with `first`, with options of Pillow."""
 
 
 class GifWriter(AnimationWriter):
-    """Writes GIF."""
+    """Writes GIF; Pillow selects the colours of each frame."""
 
     name, unit, lost = "gif", 10, "256 colours a frame, and a clock of 10 ms"
-
-    def save(self, first: Image.Image, **options: Any) -> None:
-        """Pillow selects the colours of each frame."""
-        first.save(self.file, "GIF", disposal=1, optimize=False, **options)
+    settings: Mapping[str, Any] = {"format": "GIF", "disposal": 1, "optimize": False}
 
 
 class WebpWriter(AnimationWriter):
-    """Writes animated WebP."""
+    """Writes animated WebP; method 4 of 6 is the usual compromise between time and size."""
 
     name, lost = "animated-webp", "lossy, of quality 90"
-
-    def save(self, first: Image.Image, **options: Any) -> None:
-        """Method 4 of 6 is the usual compromise between time and size."""
-        first.save(self.file, "WEBP", quality=90, method=4, **options)
+    settings: Mapping[str, Any] = {"format": "WEBP", "quality": 90, "method": 4}

@@ -24,8 +24,8 @@ from ciir.service.pipeline.source import Input
 
 if TYPE_CHECKING:
     from ciir.renderer.focus.disparity import DisparityMap
-    from ciir.renderer.light_field import DepthSense, LightField
-    from ciir.renderer.views import View
+    from ciir.renderer.light_field import LightField
+    from ciir.renderer.views import DepthSense, View
     from ciir.renderer.writers.writer import Contents
     from ciir.service.pipeline.options import Options
     from ciir.service.pipeline.report import Clock, Report

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from ciir.renderer.light_field import DepthSense, Pickup
 from ciir.renderer.readers.layout import Arrangement, OrderCheck
-from ciir.renderer.views import Flip
+from ciir.renderer.views import DepthSense, Flip, Pickup
 from ciir.service.pipeline.options import values
 from ciir.service.pipeline.options.option import Option
 from ciir.service.pipeline.options.values import make_integer, make_name, make_number, make_switch

@@ -5,21 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import get_args
 
-from ciir.renderer.writers.options import RANGES, EpiLine, PathName, WriterOptions
+from ciir.renderer.writers.options import RANGES, PathName, WriterOptions, parse_epi
 from ciir.service.pipeline.options.displays import DisplayOptions
 from ciir.service.pipeline.options.option import Option
 from ciir.service.pipeline.options.values import ValueType, make_integer, make_name, make_number
 
 
 def _read_line(_: str, text: str) -> str:
-    EpiLine.parse(text.strip())
+    parse_epi(text.strip())
     return text.strip()
 
 
 EPI = ValueType(
     {"type": "string", "pattern": "^(y=[0-9]{1,6}(,v=[0-9]{1,6})?|x=[0-9]{1,6}(,u=[0-9]{1,6})?)?$"},
     _read_line,
-    EpiLine.parse,
+    parse_epi,
     "a row 'y=120' or a column 'x=80'",
 )
 

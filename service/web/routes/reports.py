@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, NotRequired, TypeVar
 from pydantic import ConfigDict, Field, with_config
 from typing_extensions import TypedDict  # pydantic takes no other before Python 3.12
 
-from ciir.renderer.light_field import DepthSense  # noqa: TC001 - pydantic evaluates the annotations
+from ciir.renderer.views import DepthSense  # noqa: TC001 - pydantic evaluates the annotations
 
 _Class = TypeVar("_Class", bound=type)
 

@@ -28,7 +28,7 @@ def place_sheet(yaw: float, *, double: bool, mirrored: bool = False, alpha: floa
     model.json["nodes"][0]["scale"] = [-1 if mirrored else 1, 1, 1]
     placement = Placement(rotate=(yaw, 0, 0))
     bundle = Bundle("a.glb", "a.glb", {"a.glb": model.glb()})
-    scene = meshes.read(bundle, SUFFIXES[".glb"], placement)
+    scene = meshes.read(bundle, "a.glb", SUFFIXES[".glb"], placement)
     return scene.transform(frame_scene(scene, ARRAY, placement))
 
 

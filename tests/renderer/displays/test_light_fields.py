@@ -24,11 +24,11 @@ def test_views_of_a_lens_array_are_a_camera_arrays_in_the_opposite_order():
     assert take_row(order_as_cameras(LightField(NUMBERED)), 5)[0].ravel().tolist() == [9, 8, 7, 6, 5]
 
 
-def test_what_is_see_through_is_laid_over_the_background():
+def test_what_is_see_through_is_laid_over_black():
     views = np.zeros((1, 1, 1, 3, 4), np.uint16)
     views[..., 0], views[0, 0, 0, :, 3] = 65535, [0, 32768, 65535]
-    found = order_as_cameras(LightField(views), (0, 0, 255))
-    assert found.tolist() == [[[[[0, 0, 65535], [32768, 0, 32767], [65535, 0, 0]]]]]
+    found = order_as_cameras(LightField(views))
+    assert found.tolist() == [[[[[0, 0, 0], [32768, 0, 0], [65535, 0, 0]]]]]
     assert order_as_cameras(LightField(np.full((1, 1, 2, 2, 2), 255, np.uint8))).shape == (1, 1, 2, 2, 1)
 
 

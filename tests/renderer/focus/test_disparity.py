@@ -178,6 +178,9 @@ def test_large_views_are_refused_before_they_are_compared(monkeypatch):
     monkeypatch.setattr("ciir.renderer.focus.disparity.MOST_COSTS", 9 * 9 * 4)
     with pytest.raises(TooLarge, match="9x9 pixels at 9 disparities are more than 324 together"):
         LightField(np.zeros((3, 3, 9, 9, 3), np.uint8)).disparity(limits=(-1, 1))
+    monkeypatch.setattr("ciir.renderer.focus.disparity.find_limits", None)  # before the range is looked for, too
+    with pytest.raises(TooLarge, match="views of 9x13 pixels are too large; give 108 pixels or fewer"):
+        LightField(np.zeros((3, 3, 9, 13, 3), np.uint8)).disparity()
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ def read_mesh(suffix, data, beside=None, pose=AS_STORED, **limits):
     """The scene of the mesh file `m/a` + `suffix`, with `beside` in its folder, name -> bytes."""
     main = f"m/a{suffix}"
     found = {main: data} | {f"m/{name}": content for name, content in (beside or {}).items()}
-    return meshes.read(Bundle(f"a{suffix}", main, found, Limits(**limits)), SUFFIXES[suffix], pose=pose)
+    return meshes.read(Bundle(f"a{suffix}", main, found, Limits(**limits)), main, SUFFIXES[suffix], pose=pose)
 
 
 def assert_refused(suffix, data, message, beside=None):

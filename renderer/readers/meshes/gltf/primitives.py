@@ -1,4 +1,4 @@
-"""glTF primitives as surfaces (glTF 2.0, section 3.7)."""
+"""glTF primitives as surfaces (glTF 2.0, section 3.7; KHR_draco_mesh_compression)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 from ciir.errors import Unreadable
 from ciir.renderer.readers.meshes.geometry import add_alpha, normalise
 from ciir.renderer.readers.meshes.gltf.accessors import make_triangles, read_accessor
-from ciir.renderer.readers.meshes.gltf.draco import decode_draco
 from ciir.renderer.readers.meshes.gltf.materials import Material
 from ciir.renderer.readers.meshes.gltf.skins import bend
 from ciir.renderer.shading import encode_srgb
@@ -86,7 +85,7 @@ def _read_arrays(
     attributes = primitive["attributes"]
     compressed = primitive.get("extensions", {}).get("KHR_draco_mesh_compression")
     if compressed is not None:
-        faces, arrays = decode_draco(document, compressed)
+        faces, arrays = _decode_draco(document, compressed)
         for name in arrays:
             entry = document.item("accessors", attributes[name])
             if entry.get("normalized"):
@@ -111,6 +110,21 @@ def _read_arrays(
         if arrays[name].shape[1] not in _WIDTHS.get(name.partition("_")[0], (4,)):
             raise Unreadable(f"{document.name}: {name} has {arrays[name].shape[1]} numbers a vertex; export it again")
     return arrays, faces
+
+
+def _decode_draco(document: Document, extension: dict[str, Any]) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
+    """A Draco-compressed primitive: faces `(m, 3)`, and `(n, width)` for each attribute that it compresses."""
+    import DracoPy
+
+    try:
+        mesh = DracoPy.decode(bytes(document.view(extension["bufferView"])))
+    except (DracoPy.FileTypeException, RuntimeError, ValueError) as error:
+        raise Unreadable(f"{document.name}: its Draco data is corrupt; export it again") from error
+    stored = {entry["unique_id"]: np.asarray(entry["data"]) for entry in mesh.attributes}
+    if getattr(mesh, "faces", None) is None:
+        raise Unreadable(f"{document.name}: its Draco data holds points alone; give a mesh with a surface")
+    faces = np.asarray(mesh.faces).astype(np.int64).reshape(-1, 3)
+    return faces, {str(name): stored[unique] for name, unique in extension["attributes"].items()}
 
 
 def _morph(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
+from ciir.errors import InputError, InvalidOption, TooLarge
 from ciir.renderer.limits import DEFAULT_LIMITS, Limits
 from ciir.renderer.readers import meshes
 from ciir.renderer.readers.bundle import Bundle
@@ -78,7 +78,7 @@ ASCII = {
 
 def read(data: bytes, kind: Format, files: Mapping[str, bytes], limits: Limits = DEFAULT_LIMITS) -> Scene:
     main = f"main.{kind.extension}"
-    return meshes.read(Bundle(main, main, {main: data, **files}, limits), kind)
+    return meshes.read(Bundle(main, main, {main: data, **files}, limits), main, kind)
 
 
 @pytest.mark.parametrize("kind", SAMPLES)
@@ -123,13 +123,6 @@ def test_another_kinds_bytes_are_refused_in_one_line(kind: Format) -> None:
             with pytest.raises(InputError) as caught:
                 read(data, kind, files)
             assert "\n" not in str(caught.value)
-
-
-def test_a_set_of_files_is_not_a_mesh() -> None:
-    with pytest.raises(Unreadable, match="say which of them"):
-        meshes.read(Bundle("a", None, {}), SUFFIXES[".obj"])
-    with pytest.raises(UnsupportedType, match="PNG is not a mesh"):
-        read(PICTURE, SUFFIXES[".png"], {})
 
 
 CASES = [(kind, *SAMPLES[kind]) for kind in SAMPLES] + [(kind, data, {}) for kind, data in ASCII.items()]
@@ -197,7 +190,7 @@ def test_real_files(
     name: str, triangles: int, low: tuple[float, ...], high: tuple[float, ...], texture: tuple[int, ...] | None
 ) -> None:
     bundle = Bundle.from_path(MESHES / name)
-    scene = meshes.read(bundle, identify(bundle.name, bundle.files[bundle.name]))
+    scene = meshes.read(bundle, bundle.name, identify(bundle.name, bundle.files[bundle.name]))
     assert scene.triangles == triangles
     assert scene.bounds() == pytest.approx(np.array([low, high]), abs=1e-4)
     assert [part.texture.pixels.shape for part in scene.parts if part.texture] == ([texture] if texture else [])

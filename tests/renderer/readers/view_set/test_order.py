@@ -38,6 +38,7 @@ def test_views_in_a_wrong_order_are_put_right(order, words):
     assert ("columns counted from right to left fit as well, with depth inverted" in note) == order.endswith("axis")
     assert field.is_ordered
     assert np.array_equal(field.views, views)
+    assert read(files, depth_sense="lenses").depth_sense == "lenses"
     kept = read(files, order="given")
     assert kept.is_ordered
     assert [note.split(":")[0] for note in kept.notes] == ["views"]

@@ -3,8 +3,8 @@ import pytest
 
 from ciir.errors import InvalidOption, TooLarge
 from ciir.renderer.focus import planes as library
+from ciir.renderer.levels import round_levels
 from ciir.renderer.light_field import LightField
-from ciir.renderer.writers.stacks import round_plane
 from ciir.service.pipeline.focus.planes import refocus
 from ciir.service.pipeline.options import KINDS
 
@@ -100,20 +100,20 @@ def test_after_upscaling_the_same_options_show_the_same_depth():
 def test_all_in_focus_is_that_of_the_library():
     views, stack, report = run(LENSES, all_in_focus="yes", aperture="1", limits="-1:0.5")
     found = LENSES.disparity(limits=(-0.5, 1))  # a lens array's own sense is the other one
-    np.testing.assert_array_equal(round_plane(views[0], stack.dtype), LENSES.all_in_focus(found, aperture=1))
+    np.testing.assert_array_equal(round_levels(views[0], stack.dtype), LENSES.all_in_focus(found, aperture=1))
     assert report["planes"] == [{"name": "all_in_focus"}]
 
 
 def test_occluders_are_removed():
     planes, _, _ = run(CAMERAS, disparity="1", occluders="remove")
-    np.testing.assert_array_equal(round_plane(planes[0], np.dtype("u1")), CAMERAS.refocus(1.0, occluders="remove"))
+    np.testing.assert_array_equal(round_levels(planes[0], np.dtype("u1")), CAMERAS.refocus(1.0, occluders="remove"))
 
 
 def test_planes_are_in_the_units_of_the_views():
     wide = LightField(LENSES.views.astype(np.uint16) * 257, is_ordered=True)
     planes, stack, _ = run(wide, disparity="0")
     assert stack.dtype == np.uint16
-    np.testing.assert_array_equal(round_plane(planes[0], stack.dtype), wide.refocus(0.0))
+    np.testing.assert_array_equal(round_levels(planes[0], stack.dtype), wide.refocus(0.0))
 
 
 def test_progress_counts_views_and_planes():
