@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from ciir.training.data import degrade, pictures
+from ciir.training.data import pictures
 from ciir.training.data.downscale import Pair, downscale_picture
 from ciir.training.evaluation.metrics import compute_psnr, rgb_to_luma
 
@@ -65,7 +65,8 @@ def validate_network(network: nn.Module, against: list[Pair], scale: int) -> flo
     network.eval()
     scores = []
     for low, high in against:
-        picture = _to_pixels(network(degrade.to_tensor(torch.from_numpy(low)).to(device)))
+        image = torch.from_numpy(low).permute(2, 0, 1)[None].float().div(255)
+        picture = _to_pixels(network(image.to(device)))
         scores.append(compute_psnr(rgb_to_luma(picture), rgb_to_luma(high), border=scale))
     network.train()
     return sum(scores) / len(scores)
