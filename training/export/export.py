@@ -192,7 +192,7 @@ def _scores(path: Path, folders: Sequence[Path]) -> tuple[cards.Accuracy, ...]:
         return tuple(pictures.score(upscaler, folder) for folder in folders)
     network = LightFieldNetwork(path, emulates_int8=True)
     tries = itertools.product(folders, KINDS)
-    return tuple(light_fields.score(network, folder, degradation=kind) for folder, kind in tries)
+    return tuple(light_fields.measure(network, folder, degradation=kind).mean for folder, kind in tries)
 
 
 def load_network(state: dict[str, Any]) -> nn.Module:
