@@ -20,7 +20,7 @@ from tqdm import tqdm
 from ciir.cores import count_available_cores
 from ciir.models.sessions import open_session
 from ciir.training.data.downscale import downscale_picture
-from ciir.training.data.pictures import find_pictures, read_rgb
+from ciir.training.data.pictures import convert_to_input, find_pictures, read_rgb
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -56,7 +56,7 @@ def label_pictures(folder: Path, network: Path, out: Path, *, threads: int | Non
         if min(picture.shape[:2]) < LEAST * SCALE or high_path.exists():
             continue
         low = downscale_picture("bicubic", picture, SCALE).low
-        planes = np.ascontiguousarray(low.transpose(2, 0, 1)[np.newaxis].astype(np.float32) / 255)
+        planes = convert_to_input(low)
         made = session.run(None, {name: planes})[0]
         if made.shape != (1, 3, SCALE * low.shape[0], SCALE * low.shape[1]):
             raise ValueError(

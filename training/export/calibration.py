@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
 import torch
 
 from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
@@ -17,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
+    import numpy as np
     from numpy.typing import NDArray
 
     from ciir.training.data.mesh_views import MeshLightField
@@ -88,13 +88,8 @@ def make_light_field_examples(folders: Sequence[Path], scale: int) -> list[Examp
     return found
 
 
-def to_input(low: Picture) -> NDArray[np.float32]:
-    """Converts `(h, w, 3)` 8 bit to the input of a network: `(1, 3, h, w)` float32 in [0, 1]."""
-    return np.ascontiguousarray(low.transpose(2, 0, 1)[np.newaxis].astype(np.float32) / 255)
-
-
 def _make_picture_example(low: Picture, high: Picture) -> Example:
-    return Example({IMAGE.name: to_input(low)}, high)
+    return Example({IMAGE.name: pictures.convert_to_input(low)}, high)
 
 
 def _split_batch(inputs: Inputs, high: torch.Tensor) -> Iterator[Example]:
