@@ -12,8 +12,8 @@ import numpy as np
 
 from ciir.renderer.backends.embree import RaytraceBackend
 from ciir.renderer.lens_array import LensArray
-from ciir.renderer.scene import Part, Scene, Texture
-from ciir.training.data.solids import draw_background, make_solids
+from ciir.renderer.scene import Part, Scene
+from ciir.training.data.solids import draw_background, draw_texture, make_solids
 
 if TYPE_CHECKING:
     from _typeshed import SupportsLenAndGetItem
@@ -32,8 +32,6 @@ SOLID = 0.6
 """Share of scenes of solids; the others are of polygons."""
 PLAIN = 0.35
 """Share of polygons without a texture."""
-TEXELS = (0.4, 4.0)
-"""Texels for each lens pitch: from blurred to finer than a pinhole array can sample."""
 
 
 def make_polygon(random: np.random.Generator, pictures: SupportsLenAndGetItem[Picture]) -> Part:
@@ -54,11 +52,7 @@ def make_polygon(random: np.random.Generator, pictures: SupportsLenAndGetItem[Pi
         colors[:, :3] = random.uniform(0, 1, 3) * random.uniform(0.7, 1, (corners, 1))
         return Part(vertices, faces, colors)
     colors[:, :3] = random.uniform(0.5, 1, (corners, 1))
-    picture = pictures[int(random.integers(len(pictures)))]
-    texels = np.exp(random.uniform(*np.log(TEXELS)))
-    uv = flat * texels / picture.shape[1::-1] + random.uniform(0, 1, 2)
-    opaque = np.concatenate([picture, np.full_like(picture[..., :1], 255)], axis=-1)
-    return Part(vertices, faces, colors, uv.astype(np.float32), Texture(opaque, "mirror", "mirror"))
+    return Part(vertices, faces, colors, *draw_texture(random, pictures, flat))
 
 
 def draw_parts(random: np.random.Generator, pictures: SupportsLenAndGetItem[Picture]) -> list[Part]:
