@@ -30,6 +30,7 @@ from ciir.training.loop.run import as_tuple
 from ciir.training.networks import make_network
 from ciir.training.networks.batch_norm import fold_batch_norm
 from ciir.training.networks.collapsible import collapse
+from ciir.training.networks.interpolation import separate
 from ciir.training.networks.light_field import (
     LightFieldGenerator,
     WithUncertainty,
@@ -37,7 +38,6 @@ from ciir.training.networks.light_field import (
     merge_layers,
     split_layers,
 )
-from ciir.training.networks.separable import separate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
