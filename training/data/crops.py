@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from ciir.training.data.pictures import Picture
-    from ciir.training.data.rendered import ViewPair
 
 LABELLED = "labelled"
 """Bicubic LR with what a stronger network makes of it as the truth: see `labels`."""
@@ -58,8 +57,8 @@ class Photograph:
 class Rendered:
     """A view and its truth, kept in memory."""
 
-    def __init__(self, seen: ViewPair) -> None:
-        self.pair = downscale.Pair(*seen)
+    def __init__(self, pair: downscale.Pair) -> None:
+        self.pair = pair
 
     @property
     def size(self) -> tuple[int, int]:
@@ -190,7 +189,7 @@ def check_degradations(crop: int, scale: int, degradations: Mapping[str, float],
 
 def _render_pairs(
     photographs: Pictures, scenes: int, meshes: Sequence[str | Path], *, scale: int, crop: int, seed: int
-) -> Iterator[tuple[ViewPair, ViewPair]]:
+) -> Iterator[tuple[downscale.Pair, downscale.Pair]]:
     """Renders random scenes, with photographs as textures, and meshes for a pinhole and a lenslet array."""
     from ciir.training.data import mesh_views, rendered
 

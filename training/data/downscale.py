@@ -23,7 +23,7 @@ MARGINS = {"bicubic": 2, "box": 0, "point": 0}
 
 
 class Pair(NamedTuple):
-    """A low-resolution picture `(h, w, C)` and its truth `(scale*h, scale*w, C)`, 8 bit."""
+    """A low-resolution picture `(h, w, C)` and its truth `(scale*h, scale*w, C)`, 8 bit; or `(V, U, ...)` of them."""
 
     low: Picture
     high: Picture

@@ -13,6 +13,7 @@ import numpy as np
 from ciir.renderer.backends.embree import RaytraceBackend
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scene import Part, Scene
+from ciir.training.data.downscale import Pair
 from ciir.training.data.solids import draw_background, draw_texture, make_solids
 
 if TYPE_CHECKING:
@@ -21,9 +22,6 @@ if TYPE_CHECKING:
 
     from ciir.renderer.views import View
     from ciir.training.data.pictures import Picture
-
-    ViewPair = tuple[Picture, Picture]
-    """LR `(h, w, 3)` and its truth `(scale*h, scale*w, 3)`, 8 bit."""
 
 SIDE = 96
 """Lenses along each side of the array, and so the LR picture's side."""
@@ -64,7 +62,7 @@ def draw_parts(random: np.random.Generator, pictures: SupportsLenAndGetItem[Pict
 
 def render_pairs(
     pictures: SupportsLenAndGetItem[Picture], *, seed: int, index: int, scale: int = 2
-) -> tuple[ViewPair, ViewPair]:
+) -> tuple[Pair, Pair]:
     """Renders scene number `index`: (LR, truth) of a pinhole array and of a lenslet array.
 
     `pictures`: 8-bit RGB `(H, W, 3)`, textures to choose from. LR is `(96, 96, 3)`, the truth `scale` times as large.
@@ -74,7 +72,7 @@ def render_pairs(
     array = LensArray(SIDE, SIDE, 1, 1)
     background = draw_background(random)
     ((pinhole, lenslet, truth),) = render_views(scene, array, [(0, 0)], background=background, scale=scale)
-    return (pinhole, truth), (lenslet, truth)
+    return Pair(pinhole, truth), Pair(lenslet, truth)
 
 
 def render_views(

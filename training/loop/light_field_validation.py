@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import nn
 
-    from ciir.training.data.light_field.views import Pair
+    from ciir.training.data.downscale import Pair
 
 
 def read_light_field(folder: Path, scale: int) -> list[Pair]:
