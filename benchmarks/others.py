@@ -33,18 +33,16 @@ if TYPE_CHECKING:
 
 SCALE = 2
 SETS = tuple(Path("../shared/data/images") / name for name in ("Set5", "Set14", "BSD100"))
-RADIUS = 128
-"""Assumed of networks of others: pictures of the public sets are never cut into tiles."""
 
 
-class OnnxFile:
-    """A network of others as an `Upscaler`."""
+class UntiledNetwork:
+    """An ONNX network as an `Upscaler` without tiles: its receptive field is unknown, or too wide for them."""
 
-    scale, radius = SCALE, RADIUS
+    scale, radius = SCALE, 0
 
-    def __init__(self, path: Path) -> None:
-        self.name = path.stem
-        self._session = open_session(path.read_bytes(), threads=count_available_cores())
+    def __init__(self, name: str, network: bytes) -> None:
+        self.name = name
+        self._session = open_session(network, threads=count_available_cores())
         self._input = self._session.get_inputs()[0].name
 
     def __call__(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -82,7 +80,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if not path.exists():
             parser.error(f"{path}: not there; name ONNX files, and with --sets folders of picture pairs")
     names = given.models or [name for name in catalogue.list_single_image_names() if name not in catalogue.BASELINES]
-    networks: list[Upscaler] = [*map(OnnxFile, given.networks), *map(load_model, names)]
+    networks: list[Upscaler] = [*(UntiledNetwork(path.stem, path.read_bytes()) for path in given.networks)]
+    networks += map(load_model, names)
     print("\n".join(compare(networks, given.sets, rounds=given.rounds, side=given.side)))
 
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
@@ -25,12 +24,12 @@ import torch
 
 from ciir.benchmarks import machine
 from ciir.benchmarks.bench.timing import Times, time_call, time_in_rounds
+from ciir.benchmarks.others import SCALE, UntiledNetwork
 from ciir.benchmarks.peer_tables import SETS, TEXT, Figures, format_rows
 from ciir.models import cards
 from ciir.models.cards import Sizes
 from ciir.models.catalogue import BASELINES
 from ciir.models.sessions import open_session
-from ciir.models.upscaler import clip_output
 from ciir.training.evaluation.pictures import score
 from ciir.training.export import export, measure, to_onnx
 from ciir.training.loop import checkpoints
@@ -43,9 +42,6 @@ from ciir.training.recipe import Recipe
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from numpy.typing import NDArray
-    from torch import nn
-
     from ciir.models.cards import Accuracy
 
 LEARNING_RATE = 5e-4
@@ -53,7 +49,6 @@ LEARNING_RATE = 5e-4
 Four times as much breaks the 16 blocks without batch normalisation."""
 VIEW = 200
 """Side of the view whose upscaling is timed, pixels."""
-SCALE = 2
 
 
 @dataclass(frozen=True)
@@ -114,26 +109,12 @@ def make_recipe(name: str, *, updates: int, crop: int, batch: int, data: Path) -
     )
 
 
-class UntiledNetwork:
-    """A network as an `Upscaler` without tiles, for receptive fields too wide for them."""
-
-    radius = 0
-
-    def __init__(self, name: str, network: nn.Module) -> None:
-        self.name, self.scale = name, SCALE
-        self.session = open_session(to_onnx.convert_network(network, SCALE), os.cpu_count() or 1)
-
-    def __call__(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
-        """See `Upscaler.__call__`."""
-        (output,) = self.session.run(None, {to_onnx.INPUT: images})
-        return clip_output(np.array(output), self.name)
-
-
 def measure_accuracy(name: str, checkpoint: Path, sets: Sequence[Path]) -> tuple[Accuracy, ...]:
     """Scores of a finished run on `sets`, through its ONNX file and card, which stay beside the checkpoint."""
     if PEERS[name].large:
         network = export.simplify_network(export.load_network(checkpoints.read_checkpoint(checkpoint)))
-        return tuple(score(UntiledNetwork(name, network), folder) for folder in sets)
+        upscaler = UntiledNetwork(name, to_onnx.convert_network(network, SCALE))
+        return tuple(score(upscaler, folder) for folder in sets)
     card = checkpoint.with_name(f"{name}.json")
     if not card.exists() or card.stat().st_mtime < checkpoint.stat().st_mtime:
         export.export_network(checkpoint, card.parent, accuracy_on=sets)

@@ -121,14 +121,14 @@ def load_upscaler(name: str, *, scale: int = 2, threads: int | None = None, emul
 
 
 def load_light_field_network(
-    name: str = LIGHT_FIELD_DEFAULT, *, scale: int = 2, threads: int | None = None, emulates_int8: bool = False
+    name: str = LIGHT_FIELD_DEFAULT, *, scale: int = 2, emulates_int8: bool = False
 ) -> LightFieldNetwork:
     """The light-field network `name`, loaded once; `models.light_field.views` calls it. Thread-safe.
 
     Raises as `load_upscaler`, and `UnsuitedModel` for a single-image model.
     """
     with _lock:
-        return _load_light_field_network(name, scale, threads, emulates_int8)
+        return _load_light_field_network(name, scale, emulates_int8)
 
 
 @cache
@@ -144,10 +144,10 @@ def _load_upscaler(name: str, scale: int, threads: int | None, emulates_int8: bo
 
 
 @cache
-def _load_light_field_network(name: str, scale: int, threads: int | None, emulates_int8: bool) -> LightFieldNetwork:
+def _load_light_field_network(name: str, scale: int, emulates_int8: bool) -> LightFieldNetwork:
     if not _find_entry(name, scale, is_light_field=True).is_light_field:
         raise UnsuitedModel(f"model {name}: it upscales single pictures, not a view with those around it")
-    return LightFieldNetwork(SHIPPED / f"{name}.json", threads=threads, emulates_int8=emulates_int8)
+    return LightFieldNetwork(SHIPPED / f"{name}.json", emulates_int8=emulates_int8)
 
 
 def _find_entry(name: str, scale: int, *, is_light_field: bool) -> Entry:

@@ -70,7 +70,7 @@ def _measure_speed(out: Path, rounds: int) -> None:
 
 def _measure_kills(out: Path) -> None:
     shutil.rmtree(out / "killed", ignore_errors=True)
-    found = run_with_kills(out / "in", out / "killed", OPTIONS, restart_after=3)
+    found = run_with_kills(out / "in", out / "killed", OPTIONS)
     summary: dict[str, Any] = found.pop("summary")
     counts = {key: summary[key] for key in ("inputs", "done", "kept", "failed", "not_done", "seconds")}
     print(f"kills: {found | counts}; {_compare(out, 'killed')} pictures differ", flush=True)

@@ -15,18 +15,19 @@ if TYPE_CHECKING:
 
 WORKERS = 2
 KILL_SECONDS = 5.0
+SCHEDULER_KILL = 3
+"""In place of the kill of this number the scheduler is killed."""
 
 
-def run_with_kills(inputs: Path, out: Path, options: list[str], *, restart_after: int = 5) -> dict[str, Any]:
+def run_with_kills(inputs: Path, out: Path, options: list[str]) -> dict[str, Any]:
     """Runs the command on a cluster; returns what happened and the summary.
 
-    A worker is killed every `KILL_SECONDS`, one after the other, and in place of the kill number `restart_after` the
-    scheduler.
+    A worker is killed every `KILL_SECONDS`, one after the other, and once the scheduler.
     """
     with open_cluster(WORKERS) as cluster:
         done = threading.Event()
         counts = {"workers killed": 0, "schedulers killed": 0}
-        killer = threading.Thread(target=_kill, args=(cluster, done, counts, restart_after), daemon=True)
+        killer = threading.Thread(target=_kill, args=(cluster, done, counts), daemon=True)
         command = [sys.executable, "-m", "ciir", "batch", str(inputs), "-o", str(out), "--cluster", cluster.address]
         killer.start()
         ended = subprocess.run([*command, *options], check=False, capture_output=True, text=True)
@@ -36,11 +37,11 @@ def run_with_kills(inputs: Path, out: Path, options: list[str], *, restart_after
     return counts | {"exit status": ended.returncode, "errors": ended.stderr, "summary": summary}
 
 
-def _kill(cluster: Cluster, done: threading.Event, counts: dict[str, int], restart_after: int) -> None:
+def _kill(cluster: Cluster, done: threading.Event, counts: dict[str, int]) -> None:
     number = 0
     while not done.wait(KILL_SECONDS):
         number += 1
-        if number == restart_after:
+        if number == SCHEDULER_KILL:
             cluster.kill_scheduler()
             counts["schedulers killed"] += 1
         else:

@@ -73,13 +73,13 @@ class Result:
         return int(1000 * task_seconds / self.scheduler_ms)
 
 
-def simulate(count: int, workers: int, lengths: Sequence[float], *, seed: int = 0) -> Result:
+def simulate(count: int, workers: int, lengths: Sequence[float]) -> Result:
     """Runs `count` tasks, each of one of `lengths` in seconds at random, on simulated workers."""
     context = multiprocessing.get_context("spawn")
     processes: list[BaseProcess] = []
     try:
         address, scheduler = _start(context, _run_scheduler, (), processes)
-        _start(context, _run_workers, (address, workers, list(lengths), seed), processes)
+        _start(context, _run_workers, (address, workers, list(lengths)), processes)
         tasks = [Task(f"/inputs/array_{number:06d}.png", f"array_{number:06d}") for number in range(count)]
         own = psutil.Process()
         with Batch(Request(Options(), "/outputs")) as batch:
@@ -117,9 +117,9 @@ def _run_scheduler(ready: Connection) -> None:
         asyncio.run(run())
 
 
-def _run_workers(address: str, count: int, lengths: list[float], seed: int, ready: Connection) -> None:
+def _run_workers(address: str, count: int, lengths: list[float], ready: Connection) -> None:
     async def run() -> None:
-        chance = random.Random(seed)  # noqa: S311 - the same order each time
+        chance = random.Random(0)  # noqa: S311 - the same order each time
         workers = [SimulatedWorker(address, number, lengths, chance) for number in range(count)]
         for worker in workers:
             await worker.register()

@@ -1,4 +1,4 @@
-"""Errors of pictures against the truth, over all pixels or over the object alone."""
+"""Errors of pictures against the truth: over all pixels, over the object alone, and where they are largest."""
 
 from __future__ import annotations
 
@@ -44,3 +44,15 @@ def compare(pictures: NDArray[np.uint8], truth: NDArray[np.uint8], mask: NDArray
         ssim = float(similar.mean()) if similar.size else ssim
     psnr = float("inf") if mse == 0 else float(10 * np.log10(255.0**2 / mse))
     return Error(rmse=mse**0.5, psnr=psnr, ssim=ssim)
+
+
+def find_worst_window(
+    picture: NDArray[np.uint8], truth: NDArray[np.uint8], other: NDArray[np.uint8], *, side: int
+) -> tuple[slice, slice]:
+    """The window of at most `side x side` pixels in which `picture` is worst against `other`, all `(H, W, 3)`."""
+    errors = [np.square(one.astype(np.int64) - truth).sum(axis=-1) for one in (picture, other)]
+    height, width = (min(side, length) for length in truth.shape[:2])
+    total = np.pad(errors[0] - errors[1], ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
+    sums = total[height:, width:] - total[:-height, width:] - total[height:, :-width] + total[:-height, :-width]
+    y, x = (int(place) for place in np.unravel_index(int(sums.argmax()), sums.shape))
+    return slice(y, y + height), slice(x, x + width)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from ciir.benchmarks.bench.errors import find_worst_window
 from ciir.benchmarks.bench.methods import DIRECT
 from ciir.benchmarks.bench.results import find_frontier
 
@@ -15,7 +14,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from matplotlib.axes import Axes
-    from numpy.typing import NDArray
 
     from ciir.benchmarks.bench.results import Point, Result
 
@@ -71,8 +69,8 @@ def plot_crops(results: Sequence[Result], path: Path, *, methods: Sequence[str])
     for panels, result in zip(axes, shown, strict=True):
         middle = len(result.work.truth) // 2
         truth = result.work.truth[middle]
-        y, x = _find_worst_window(result.pictures["nearest"][middle], truth)
-        window = slice(y, y + SIDE), slice(x, x + SIDE)
+        window = find_worst_window(result.pictures["nearest"][middle], truth, truth, side=SIDE)
+        y, x = (side.start for side in window)
         panels[0].imshow(truth)
         panels[0].plot([x, x + SIDE, x + SIDE, x, x], [y, y, y + SIDE, y + SIDE, y], color="red")
         panels[0].set_title(f"{result.work.name}, {result.work.sampling}", fontsize=9)
@@ -84,11 +82,3 @@ def plot_crops(results: Sequence[Result], path: Path, *, methods: Sequence[str])
                 panel.imshow(result.pictures[name][middle][window])
                 panel.set_title(f"{name}, {psnr[name]:.2f} dB", fontsize=9)
     figure.savefig(path, dpi=80)
-
-
-def _find_worst_window(picture: NDArray[np.uint8], truth: NDArray[np.uint8]) -> tuple[int, int]:
-    """Row and column of the `SIDE x SIDE` window in which `picture` is furthest from `truth`."""
-    error = ((picture.astype(float) - truth) ** 2).sum(axis=-1)
-    sums = np.lib.stride_tricks.sliding_window_view(error, (SIDE, SIDE)).sum(axis=(2, 3))
-    row, column = np.unravel_index(int(sums.argmax()), sums.shape)
-    return int(row), int(column)

@@ -12,6 +12,7 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.sampling import average_pictures
 from ciir.renderer.scene import Scene
+from ciir.renderer.views import parse_views
 from ciir.renderer.writers.pictures import encode_png
 from ciir.renderer.writers.writer import MemoryWriter
 from ciir.service.pipeline.options import Options
@@ -99,21 +100,17 @@ def _list_mesh_works(
 
 def _list_light_field_works(source: Source, name: str, samplings: Sequence[Sampling], array: Options) -> Iterator[Work]:
     """Work for a light field: its views are the truth for those of a lens array with twice the pitch."""
-    every = reconstruct_views(source, replace(array, views="all", model="none", scale=1))[0]
-    field = Input(source).read(array)
-    assert isinstance(field, LightField)  # noqa: S101 - a scene went to `_list_mesh_works`
-    grid = field.views.shape[:2]
+    every, report = reconstruct_views(source, replace(array, views="all", model="none", scale=1))
+    v, u = report["lens_array"]["pixels_v"], report["lens_array"]["pixels_u"]
     if min(every.shape[1:3]) < LEAST:
         raise InvalidOption(f"{name}: views of {every.shape[1]}x{every.shape[2]} pixels; give views of {LEAST} or more")
     for sampling in samplings:
         low, high = halve(every, sampling)
         rows, cols = low.shape[1:3]
-        eia = LightField(low.reshape(*grid, *low.shape[1:])).eia()
+        eia = LightField(low.reshape(v, u, *low.shape[1:])).eia()
         file = Bundle.from_upload(f"{name}.png", encode_png(eia))
         options = Options(lenses=(rows, cols), views="cross", scale=SCALE, sampling=sampling)
-        v, u = grid
-        chosen = list(dict.fromkeys([(0, u // 2), (v // 2, 0), (v // 2, u // 2), (v // 2, u - 1), (v - 1, u // 2)]))
-        truth = np.stack([high[row * u + col] for row, col in chosen])
+        truth = np.stack([high[row * u + col] for row, col in parse_views("cross", v, u)])
         yield Work(name, "light field", (rows, cols), sampling, file, options, truth, None)
 
 

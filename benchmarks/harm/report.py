@@ -52,31 +52,27 @@ def format_line(row: Row) -> str:
 
 def format_tables(rows: Sequence[Row]) -> list[str]:
     """Counts by input and by factor, then every row; `rows` are sorted."""
-    lines = [EXPLANATION, "## By input", "", *_format_groups({row.input: None for row in rows}, rows, _has_input)]
+    by_input = {name: [row for row in rows if row.input == name] for name in dict.fromkeys(row.input for row in rows)}
+    lines = [EXPLANATION, "## By input", "", *_format_groups(by_input)]
     for kind in dict.fromkeys(row.kind for row in rows):
         some = [row for row in rows if row.kind == kind]
-        values = {(name, value): None for name in some[0].factors for value in sorted({r.factors[name] for r in some})}
-        lines += [f"## By factor: {kind}", "", *_format_groups(values, some, _has_factor)]
+        by_factor = {
+            f"{name} {value}": [row for row in some if row.factors[name] == value]
+            for name in some[0].factors
+            for value in sorted({row.factors[name] for row in some})
+        }
+        lines += [f"## By factor: {kind}", "", *_format_groups(by_factor)]
         lines += [f"## Every case: {kind}", "", *_format_rows(some)]
     return lines
 
 
-def _has_input(row: Row, name: Any) -> bool:
-    return bool(row.input == name)
-
-
-def _has_factor(row: Row, factor: Any) -> bool:
-    return bool(row.factors[factor[0]] == factor[1])
-
-
-def _format_groups(groups: Mapping[Any, None], rows: Sequence[Row], has: Any) -> list[str]:
+def _format_groups(groups: Mapping[str, Sequence[Row]]) -> list[str]:
     cells = []
-    for group in groups:
-        some = [row for row in rows if has(row, group)]
+    for name, some in groups.items():
         singles = [row.against_single for row in some if row.against_single is not None]
         cells.append(
             [
-                group if isinstance(group, str) else " ".join(group),
+                name,
                 str(len(some)),
                 str(sum(row.is_over for row in some)),
                 _format_worst([row.against_bicubic for row in some]),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ciir.benchmarks.bench.errors import find_worst_window
 from ciir.benchmarks.bench.work import reconstruct_views
 from ciir.benchmarks.harm.case import LIGHT_FIELD, SCALE
 from ciir.models import catalogue
@@ -209,7 +210,7 @@ def score_case(case: Case, networks: Sequence[Model], subject: Callable[[Case], 
     is_single_worse = against_single is not None and against_single < against_bicubic
     shown = {"truth": case.truth, BICUBIC: pictures[BICUBIC]}
     shown |= {best: pictures[best]} if best else {}
-    window = _find_window(case.truth, result.picture, pictures[best if is_single_worse else BICUBIC])
+    window = find_worst_window(result.picture, case.truth, pictures[best if is_single_worse else BICUBIC], side=SIDE)
     return Row(
         input=case.input,
         kind=case.kind,
@@ -235,13 +236,3 @@ def _upscale_case(network: Model, case: Case) -> Picture:
 def _subtract(psnr: float, other: float) -> float:
     """The difference of two PSNRs, 0 where both are exact."""
     return 0.0 if psnr == other else psnr - other
-
-
-def _find_window(truth: Picture, picture: Picture, other: Picture) -> tuple[slice, slice]:
-    """The window of at most `SIDE x SIDE` pixels in which `picture` is worst against `other`."""
-    errors = [np.square(one.astype(np.int64) - truth).sum(axis=-1) for one in (picture, other)]
-    height, width = (min(SIDE, length) for length in truth.shape[:2])
-    total = np.pad(errors[0] - errors[1], ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
-    sums = total[height:, width:] - total[:-height, width:] - total[height:, :-width] + total[:-height, :-width]
-    y, x = (int(place) for place in np.unravel_index(int(sums.argmax()), sums.shape))
-    return slice(y, y + height), slice(x, x + width)

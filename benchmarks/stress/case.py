@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import wraps
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Protocol
 
+from ciir.errors import advise_extra
+
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
 
 @dataclass(frozen=True)
@@ -52,3 +56,19 @@ class Case(Protocol):
     def __call__(self, effort: Effort) -> Iterator[Found | Skipped]:
         """Yields each result when it is measured; deterministic, apart from the timing of threads."""
         ...
+
+
+def skip_without(package: str, what: str) -> Callable[[Case], Case]:
+    """Makes a case yield one `Skipped`, of `what`, where a package of the training extra is not installed."""
+
+    def decorate(case: Case) -> Case:
+        @wraps(case)
+        def run(effort: Effort) -> Iterator[Found | Skipped]:
+            if find_spec(package) is None:
+                yield Skipped(what, f"needs {package}: {advise_extra('training')}")
+            else:
+                yield from case(effort)
+
+        return run
+
+    return decorate

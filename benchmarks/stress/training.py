@@ -6,14 +6,12 @@ import math
 import tempfile
 from contextlib import contextmanager
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ciir.benchmarks.stress.case import Found, Skipped
-from ciir.errors import advise_extra
+from ciir.benchmarks.stress.case import Found, skip_without
 from ciir.renderer.scenes.modelling import sample_noise, to_rgba
 from ciir.renderer.writers.pictures import encode
 from ciir.training import recipe as recipes
@@ -23,7 +21,7 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
-    from ciir.benchmarks.stress.case import Case, Effort
+    from ciir.benchmarks.stress.case import Case, Effort, Skipped
     from ciir.training.data.crops import Crops
     from ciir.training.loop.run import Run
     from ciir.training.recipe import Recipe
@@ -42,12 +40,6 @@ ROUNDING = 2.0**-8
 """The relative error of a rounding to bfloat16, whose significand has 8 bits."""
 LAYERS = 16
 """Convolutions one after another: the paper's network has as many, and gan's with its discriminator."""
-
-
-def _skipped(what: str) -> Iterator[Skipped]:
-    """One where torch is not installed."""
-    if find_spec("torch") is None:
-        yield Skipped(what, f"needs torch: {advise_extra('training')}")
 
 
 def _recipe(design: str, *, rate: float = 1e-3, updates: int = 1) -> Recipe:
@@ -123,11 +115,9 @@ def _update(run: Run, low: Tensor, high: Tensor) -> Updated:
     return Updated(float(losses["loss"]), gradient)
 
 
+@skip_without("torch", "200 updates")
 def stays_finite(effort: Effort) -> Iterator[Found | Skipped]:
     """Loss and gradient norm over 200 updates from random weights, without a warm-up, at step sizes up to 1e-2."""
-    yield from (skipped := list(_skipped("200 updates")))
-    if skipped:
-        return
     from ciir.training.loop.run import Run
 
     updates = QUICK_UPDATES if effort.quick else UPDATES
@@ -153,11 +143,9 @@ def stays_finite(effort: Effort) -> Iterator[Found | Skipped]:
             yield Found(f"{what}: largest gradient norm", LARGEST, norm, where)
 
 
+@skip_without("torch", "bfloat16 against float32")
 def bfloat16(effort: Effort) -> Iterator[Found | Skipped]:
     """The first update in bfloat16 against the same in float32: its loss, and its gradient as one long vector."""
-    yield from (skipped := list(_skipped("bfloat16 against float32")))
-    if skipped:
-        return
     from ciir.training.loop.run import Run
 
     for design in ("fast",) if effort.quick else DESIGNS:
@@ -173,11 +161,9 @@ def bfloat16(effort: Effort) -> Iterator[Found | Skipped]:
         yield Found(f"{design}: gradient, relative", 2 * both, apart.norm / single.norm)
 
 
+@skip_without("torch", "NaN in training")
 def guards(effort: Effort) -> Iterator[Found | Skipped]:  # noqa: ARG001 - a case's signature
     """NaN in a picture, a weight or the discriminator, or an infinite gradient, ends the run and is not saved."""
-    yield from (skipped := list(_skipped("NaN in training")))
-    if skipped:
-        return
     import torch
 
     from ciir.training.loop.run import Run

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image
 from PIL.JpegImagePlugin import JpegImageFile
+from scipy import ndimage
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -55,37 +56,23 @@ class Corruption:
 
 def blur_picture(picture: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
     """Blurs `(H, W, C)` by a Gaussian of standard deviation `sigma` pixels, cut off at 3 sigma; edges are repeated."""
-    radius = _radius(sigma)
-    if radius == 0:
-        return picture
-    kernel = np.exp(-0.5 * (np.arange(-radius, radius + 1) / sigma) ** 2)
-    kernel /= kernel.sum()
-    for axis in (0, 1):
-        widths = [(radius, radius) if axis == i else (0, 0) for i in range(3)]
-        windows = np.lib.stride_tricks.sliding_window_view(np.pad(picture, widths, mode="edge"), len(kernel), axis)
-        picture = windows @ kernel
-    return picture
+    blurred: NDArray[np.float64] = ndimage.gaussian_filter(
+        picture, sigma, mode="nearest", radius=_radius(sigma), axes=(0, 1)
+    )
+    return blurred
 
 
 def compress_jpeg(picture: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
-    """Encodes and decodes 8-bit RGB `(H, W, 3)` as by `encode_jpeg`."""
+    """Encodes and decodes a picture as by `encode_jpeg`."""
     with JpegImageFile(io.BytesIO(encode_jpeg(picture, quality))) as image:
         return np.array(image)
 
 
 def encode_jpeg(picture: NDArray[np.uint8], quality: int) -> bytes:
-    """8-bit RGB `(H, W, 3)` as a JPEG of this quality, 1 to 100, with 4:2:0 chroma."""
+    """8-bit RGB `(H, W, 3)`, or grey `(H, W)`, as a JPEG of this quality, 1 to 100, with 4:2:0 chroma."""
     file = io.BytesIO()
     Image.fromarray(picture).save(file, "JPEG", quality=quality, subsampling="4:2:0")
     return file.getvalue()
-
-
-def compress_jpeg_grey(picture: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
-    """Encodes and decodes 8-bit grey `(H, W)` as a JPEG of this quality, 1 to 100."""
-    file = io.BytesIO()
-    Image.fromarray(picture).save(file, "JPEG", quality=quality)
-    with JpegImageFile(io.BytesIO(file.getvalue())) as image:
-        return np.array(image)
 
 
 def _radius(sigma: float) -> int:

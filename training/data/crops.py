@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 from tqdm import tqdm
 
-from ciir.training.data import degrade, downscale
+from ciir.training.data import downscale
 from ciir.training.data.corrupt import Corruption
 from ciir.training.data.labels import read_labelled
 from ciir.training.data.pictures import MEMORY, Pictures
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from ciir.training.data.pictures import Picture
-    from ciir.training.data.rendered import ViewPair
 
 LABELLED = "labelled"
 """Bicubic LR with what a stronger network makes of it as the truth: see `labels`."""
@@ -50,26 +49,25 @@ class Photograph:
         height, width = self.among.sizes[self.index]
         return height // covered, width // covered
 
-    def crop(self, rows: slice, cols: slice) -> degrade.Pair:
-        """Returns these LR rows and columns, `(3, h, w)`, and their HR, 8 bit, as in the degraded whole picture."""
-        pixels = torch.from_numpy(self.among[self.index]).permute(2, 0, 1)
-        return degrade.make_crop(self.kind, pixels, self.scale, rows, cols)
+    def crop(self, rows: slice, cols: slice) -> downscale.Pair:
+        """Returns these LR rows and columns and their HR as in the degraded whole picture."""
+        return downscale.downscale_crop(self.kind, self.among[self.index], self.scale, rows, cols)
 
 
 class Rendered:
     """A view and its truth, kept in memory."""
 
-    def __init__(self, seen: ViewPair) -> None:
-        self.low, self.high = (torch.from_numpy(view).permute(2, 0, 1) for view in seen)
+    def __init__(self, pair: downscale.Pair) -> None:
+        self.pair = pair
 
     @property
     def size(self) -> tuple[int, int]:
         """Rows and columns of LR."""
-        return self.low.shape[1], self.low.shape[2]
+        return self.pair.low.shape[0], self.pair.low.shape[1]
 
-    def crop(self, rows: slice, cols: slice) -> degrade.Pair:
+    def crop(self, rows: slice, cols: slice) -> downscale.Pair:
         """Returns these LR rows and columns, and their HR."""
-        return degrade.crop_pair(self.low, self.high, self.high.shape[1] // self.low.shape[1], rows, cols)
+        return downscale.crop_pair(self.pair, len(self.pair.high) // len(self.pair.low), rows, cols)
 
 
 Pair = Photograph | Rendered
@@ -128,7 +126,9 @@ class Crops:
             seen = list(_render_pairs(photographs, scenes, meshes, scale=scale, crop=crop, seed=seed))
             pairs |= {kind: [Rendered(of[i]) for of in seen] for i, kind in enumerate(RENDERED)}
             if BICUBIC_VIEW in degradations:
-                pairs[BICUBIC_VIEW] = [Rendered(_degrade_truth(truth, scale)) for (_, truth), _ in seen]
+                pairs[BICUBIC_VIEW] = [
+                    Rendered(downscale.downscale_picture("bicubic", truth, scale)) for (_, truth), _ in seen
+                ]
         if LABELLED in degradations and labelled is not None:
             pairs[LABELLED] = [Rendered(pair) for pair in read_labelled(labelled)]
         self.groups = [_drop_small(folder, kind, pairs[kind], crop, scale) for kind in degradations]
@@ -142,20 +142,20 @@ class Crops:
             (self.seed, step, 1)
         )  # separate, so that corruption does not change the crops
         side = self.crop // self.scale
-        lows: list[Tensor] = []
-        highs: list[Tensor] = []
+        lows: list[Picture] = []
+        highs: list[Picture] = []
         for _ in range(self.batch):
             group = self.groups[int(random.choice(len(self.groups), p=self.shares))]
             pair = group[random.integers(len(group))]
             y, x = (int(random.integers(length - side + 1)) for length in pair.size)
             turns, mirror = int(random.integers(4)), bool(random.integers(2))
-            low, high = self._corrupt_crop(pair, y, x, corrupting)
-            for picture, into in ((low, lows), (high, highs)):
-                turned = torch.rot90(picture, turns, (1, 2))
-                into.append(turned.flip(2) if mirror else turned)
-        return torch.stack(lows).float().div(255.0), torch.stack(highs).float().div(255.0)
+            for picture, into in zip(self._corrupt_crop(pair, y, x, corrupting), (lows, highs), strict=True):
+                turned = np.rot90(picture, turns)
+                into.append(turned[:, ::-1] if mirror else turned)
+        low, high = (torch.from_numpy(np.stack(part)).permute(0, 3, 1, 2).float().div(255.0) for part in (lows, highs))
+        return low, high
 
-    def _corrupt_crop(self, pair: Pair, y: int, x: int, random: np.random.Generator) -> degrade.Pair:
+    def _corrupt_crop(self, pair: Pair, y: int, x: int, random: np.random.Generator) -> downscale.Pair:
         """Returns the crop whose first LR sample is `(y, x)`, with LR corrupted."""
         side, margin = self.crop // self.scale, self.corruption.margin
         if not self.corruption or random.random() >= self.corrupted:
@@ -163,9 +163,9 @@ class Crops:
         top, left = max(0, y - margin), max(0, x - margin)
         rows, cols = slice(y - top, y - top + side), slice(x - left, x - left + side)
         around = (slice(top, min(pair.size[0], y + side + margin)), slice(left, min(pair.size[1], x + side + margin)))
-        low, high = pair.crop(*around)
-        corrupted = self.corruption(low.permute(1, 2, 0).numpy(), rows, cols, random)
-        return torch.from_numpy(corrupted).permute(2, 0, 1), degrade.crop_pair(low, high, self.scale, rows, cols)[1]
+        whole = pair.crop(*around)
+        high = downscale.crop_pair(whole, self.scale, rows, cols).high
+        return downscale.Pair(self.corruption(whole.low, rows, cols, random), high)
 
 
 def check_degradations(crop: int, scale: int, degradations: Mapping[str, float], known: Sequence[str]) -> None:
@@ -189,7 +189,7 @@ def check_degradations(crop: int, scale: int, degradations: Mapping[str, float],
 
 def _render_pairs(
     photographs: Pictures, scenes: int, meshes: Sequence[str | Path], *, scale: int, crop: int, seed: int
-) -> Iterator[tuple[ViewPair, ViewPair]]:
+) -> Iterator[tuple[downscale.Pair, downscale.Pair]]:
     """Renders random scenes, with photographs as textures, and meshes for a pinhole and a lenslet array."""
     from ciir.training.data import mesh_views, rendered
 
@@ -202,11 +202,6 @@ def _render_pairs(
     for number, model in enumerate(tqdm(models, disable=None, desc="rendering", unit="mesh")):
         for index in range(mesh_views.PICTURES):
             yield mesh_views.render_pairs(model, seed=seed, index=number * mesh_views.PICTURES + index, scale=scale)
-
-
-def _degrade_truth(truth: Picture, scale: int) -> ViewPair:
-    low, high = degrade.make_pair("bicubic", torch.from_numpy(truth).permute(2, 0, 1), scale)
-    return low.permute(1, 2, 0).numpy(), high.permute(1, 2, 0).numpy()
 
 
 def _drop_small(folder: Path, kind: str, pairs: Sequence[Pair], crop: int, scale: int) -> list[Pair]:

@@ -19,13 +19,12 @@ from tqdm import tqdm
 
 from ciir.cores import count_available_cores
 from ciir.models.sessions import open_session
-from ciir.training.data.downscale import downscale_picture
-from ciir.training.data.pictures import find_pictures, read_rgb
+from ciir.training.data.downscale import Pair, downscale_picture
+from ciir.training.data.pictures import convert_to_input, find_pictures, read_rgb
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ciir.training.data.pictures import Picture
 
 SCALE = 2
 LEAST = 16
@@ -56,7 +55,7 @@ def label_pictures(folder: Path, network: Path, out: Path, *, threads: int | Non
         if min(picture.shape[:2]) < LEAST * SCALE or high_path.exists():
             continue
         low = downscale_picture("bicubic", picture, SCALE).low
-        planes = np.ascontiguousarray(low.transpose(2, 0, 1)[np.newaxis].astype(np.float32) / 255)
+        planes = convert_to_input(low)
         made = session.run(None, {name: planes})[0]
         if made.shape != (1, 3, SCALE * low.shape[0], SCALE * low.shape[1]):
             raise ValueError(
@@ -69,7 +68,7 @@ def label_pictures(folder: Path, network: Path, out: Path, *, threads: int | Non
     return written
 
 
-def read_labelled(folder: Path) -> list[tuple[Picture, Picture]]:
+def read_labelled(folder: Path) -> list[Pair]:
     """Reads the pairs `(h, w, 3)` and `(2*h, 2*w, 3)` that `label_pictures` wrote. Raises `ValueError` for others."""
     highs = [file for file in find_pictures(folder) if file.name.endswith(HIGH)]
     if not highs:
@@ -81,7 +80,7 @@ def read_labelled(folder: Path) -> list[tuple[Picture, Picture]]:
             raise ValueError(
                 f"{file}: {high.shape} for LR of {low.shape}; make the pair again with training.data.labels"
             )
-        pairs.append((low, high))
+        pairs.append(Pair(low, high))
     return pairs
 
 

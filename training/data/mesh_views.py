@@ -21,6 +21,7 @@ from ciir.renderer.lens_array import LensArray
 from ciir.renderer.readers import inputs, meshes
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.registry import MeshFormat
+from ciir.training.data.downscale import Pair
 from ciir.training.data.light_field.layered_scenes import LUMA
 from ciir.training.data.rendered import SAMPLES, SIDE, render_views
 from ciir.training.data.solids import draw_background
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from ciir.renderer.scene import Scene
-    from ciir.training.data.rendered import ViewPair
 
 PICTURES = 24
 """Pictures of each mesh: a third of them for each of `LENSES`."""
@@ -90,7 +90,7 @@ def _place_mesh(random: np.random.Generator, mesh: Scene, array: LensArray) -> S
     return placed.transform(nearer @ frame_scene(placed, array))
 
 
-def render_pairs(mesh: Scene, *, seed: int, index: int, scale: int) -> tuple[ViewPair, ViewPair]:
+def render_pairs(mesh: Scene, *, seed: int, index: int, scale: int) -> tuple[Pair, Pair]:
     """Renders picture number `index` of a mesh: (LR, truth) of a pinhole array and of a lenslet array.
 
     LR is `(96, 96, 3)`, 1, 4 or 16 views side by side; the truth is `scale` times as large.
@@ -103,7 +103,7 @@ def render_pairs(mesh: Scene, *, seed: int, index: int, scale: int) -> tuple[Vie
     views = [(int(v), int(u)) for v, u in random.integers(0, PIXELS, (across**2, 2))]
     all_seen = render_views(placed, array, views, background=draw_background(random), scale=scale)
     pinhole, lenslet, truth = (_join_views(np.stack(of)) for of in zip(*all_seen, strict=True))
-    return (pinhole, truth), (lenslet, truth)
+    return Pair(pinhole, truth), Pair(lenslet, truth)
 
 
 def render_window(

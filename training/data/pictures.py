@@ -13,6 +13,7 @@ from ciir.renderer.readers.bundle import read_file
 from ciir.renderer.readers.pictures import SUFFIXES, decode
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
 Picture = NDArray[np.uint8]
@@ -41,6 +42,16 @@ def find_pictures(folder: Path) -> list[Path]:
     return files
 
 
+def pair_files(files: Sequence[Path]) -> list[tuple[Path, Path]]:
+    """Lists each `*_LR.png` of `files` with its `*_HR.png`. Raises `ValueError` where that is missing."""
+    lows = [path for path in files if path.name.endswith("_LR.png")]
+    pairs = [(low, low.with_name(low.name.replace("_LR.png", "_HR.png"))) for low in lows]
+    for _, high in pairs:
+        if not high.is_file():
+            raise ValueError(f"{high}: missing; each *_LR.png needs its *_HR.png")
+    return pairs
+
+
 def read_picture(path: Path) -> Picture:
     """Reads a picture as 8-bit `(H, W, 1)` grey or `(H, W, 3)` RGB, rotated by its orientation tag.
 
@@ -61,6 +72,11 @@ def read_rgb(path: Path) -> Picture:
     """Reads a picture as `read_picture`, with grey as three equal channels: `(H, W, 3)`."""
     pixels = read_picture(path)
     return pixels if pixels.shape[2] == 3 else np.repeat(pixels, 3, axis=2)
+
+
+def convert_to_input(picture: Picture) -> NDArray[np.float32]:
+    """Converts `(H, W, C)` 8 bit to the input of a network: `(1, C, H, W)` float32 in [0, 1]."""
+    return np.ascontiguousarray(picture.transpose(2, 0, 1)[np.newaxis].astype(np.float32) / 255)
 
 
 class Pictures:

@@ -12,8 +12,9 @@ import numpy as np
 
 from ciir.renderer.backends.embree import RaytraceBackend
 from ciir.renderer.lens_array import LensArray
-from ciir.renderer.scene import Part, Scene, Texture
-from ciir.training.data.solids import draw_background, make_solids
+from ciir.renderer.scene import Part, Scene
+from ciir.training.data.downscale import Pair
+from ciir.training.data.solids import draw_background, draw_texture, make_solids
 
 if TYPE_CHECKING:
     from _typeshed import SupportsLenAndGetItem
@@ -22,9 +23,6 @@ if TYPE_CHECKING:
     from ciir.renderer.views import View
     from ciir.training.data.pictures import Picture
 
-    ViewPair = tuple[Picture, Picture]
-    """LR `(h, w, 3)` and its truth `(scale*h, scale*w, 3)`, 8 bit."""
-
 SIDE = 96
 """Lenses along each side of the array, and so the LR picture's side."""
 SAMPLES = 4
@@ -32,8 +30,6 @@ SOLID = 0.6
 """Share of scenes of solids; the others are of polygons."""
 PLAIN = 0.35
 """Share of polygons without a texture."""
-TEXELS = (0.4, 4.0)
-"""Texels for each lens pitch: from blurred to finer than a pinhole array can sample."""
 
 
 def make_polygon(random: np.random.Generator, pictures: SupportsLenAndGetItem[Picture]) -> Part:
@@ -54,11 +50,7 @@ def make_polygon(random: np.random.Generator, pictures: SupportsLenAndGetItem[Pi
         colors[:, :3] = random.uniform(0, 1, 3) * random.uniform(0.7, 1, (corners, 1))
         return Part(vertices, faces, colors)
     colors[:, :3] = random.uniform(0.5, 1, (corners, 1))
-    picture = pictures[int(random.integers(len(pictures)))]
-    texels = np.exp(random.uniform(*np.log(TEXELS)))
-    uv = flat * texels / picture.shape[1::-1] + random.uniform(0, 1, 2)
-    opaque = np.concatenate([picture, np.full_like(picture[..., :1], 255)], axis=-1)
-    return Part(vertices, faces, colors, uv.astype(np.float32), Texture(opaque, "mirror", "mirror"))
+    return Part(vertices, faces, colors, *draw_texture(random, pictures, flat))
 
 
 def draw_parts(random: np.random.Generator, pictures: SupportsLenAndGetItem[Picture]) -> list[Part]:
@@ -70,7 +62,7 @@ def draw_parts(random: np.random.Generator, pictures: SupportsLenAndGetItem[Pict
 
 def render_pairs(
     pictures: SupportsLenAndGetItem[Picture], *, seed: int, index: int, scale: int = 2
-) -> tuple[ViewPair, ViewPair]:
+) -> tuple[Pair, Pair]:
     """Renders scene number `index`: (LR, truth) of a pinhole array and of a lenslet array.
 
     `pictures`: 8-bit RGB `(H, W, 3)`, textures to choose from. LR is `(96, 96, 3)`, the truth `scale` times as large.
@@ -80,7 +72,7 @@ def render_pairs(
     array = LensArray(SIDE, SIDE, 1, 1)
     background = draw_background(random)
     ((pinhole, lenslet, truth),) = render_views(scene, array, [(0, 0)], background=background, scale=scale)
-    return (pinhole, truth), (lenslet, truth)
+    return Pair(pinhole, truth), Pair(lenslet, truth)
 
 
 def render_views(

@@ -38,7 +38,7 @@ PLAIN = 0.6
 BUMPY = 0.4
 """Share of solids whose surface is bent by waves."""
 TEXELS = (0.4, 4.0)
-"""Texels for each lens pitch, as for polygons."""
+"""Texels for each lens pitch: from blurred to finer than a pinhole array can sample."""
 
 
 def make_solids(
@@ -96,11 +96,20 @@ def _paint(
         grey = random.random() < 0.5
         colors[:, :3] *= random.uniform(0.05, 1) if grey else random.uniform(0, 1, 3)
         return Part(vertices, faces.astype(np.int32), colors)
+    return Part(vertices, faces.astype(np.int32), colors, *draw_texture(random, pictures, vertices[:, :2]))
+
+
+def draw_texture(
+    random: np.random.Generator, pictures: SupportsLenAndGetItem[Picture], flat: NDArray[np.float64]
+) -> tuple[NDArray[np.float32], Texture]:
+    """Draws a picture and its scale and place: returns the coordinates of vertices, which lie at `flat` `(n, 2)` lens
+    pitches, and the texture, mirrored beyond its edges.
+    """
     picture = pictures[int(random.integers(len(pictures)))]
     texels = np.exp(random.uniform(*np.log(TEXELS)))
-    uv = vertices[:, :2] * texels / picture.shape[1::-1] + random.uniform(0, 1, 2)
+    uv = flat * texels / picture.shape[1::-1] + random.uniform(0, 1, 2)
     opaque = np.concatenate([picture, np.full_like(picture[..., :1], 255)], axis=-1)
-    return Part(vertices, faces.astype(np.int32), colors, uv.astype(np.float32), Texture(opaque, "mirror", "mirror"))
+    return uv.astype(np.float32), Texture(opaque, "mirror", "mirror")
 
 
 def draw_background(random: np.random.Generator) -> tuple[int, int, int]:

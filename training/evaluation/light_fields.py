@@ -48,17 +48,6 @@ def describe_protocol(grid: tuple[int, int] = GRID) -> str:
     return PROTOCOL.replace("5x5", f"{grid[0]}x{grid[1]}")
 
 
-def score(
-    network: Upscaler | LightFieldNetwork,
-    path: Path,
-    *,
-    grid: tuple[int, int] = GRID,
-    degradation: str = "bicubic",
-) -> Accuracy:
-    """Returns the means that `measure` makes. Raises as `measure`."""
-    return measure(network, path, grid=grid, degradation=degradation).mean
-
-
 def measure(
     network: Upscaler | LightFieldNetwork,
     path: Path,

@@ -84,23 +84,15 @@ def load_model(model: str, *, scale: int = 2) -> Upscaler:
     return load_upscaler(model, scale=scale, emulates_int8=True)
 
 
-def find_low_files(folder: Path) -> list[Path]:
-    """The `*_LR.png` in `folder`, sorted by name. Raises `ValueError` where there is none."""
-    files = sorted(folder.glob("*_LR.png"))
-    if not files:
+def _read_pairs(folder: Path) -> Iterator[tuple[Path, Picture, Picture]]:
+    """Yields each HR file with the pixels of its LR file and of itself."""
+    pairs = pictures.pair_files(sorted(folder.glob("*_LR.png")))
+    if not pairs:
         raise ValueError(
             f"{folder}: no *_LR.png in it; name a folder of *_LR.png and *_HR.png pairs, or give --degradation"
         )
-    return files
-
-
-def _read_pairs(folder: Path) -> Iterator[tuple[Path, Picture, Picture]]:
-    """Yields each HR file with the pixels of its LR file and of itself."""
-    for low_file in tqdm(find_low_files(folder), desc=folder.name, disable=None, unit="picture", leave=False):
-        high_file = low_file.with_name(low_file.name.replace("_LR.png", "_HR.png"))
-        if not high_file.is_file():
-            raise ValueError(f"{high_file}: missing; each *_LR.png needs its *_HR.png")
-        yield high_file, pictures.read_picture(low_file), pictures.read_picture(high_file)
+    for low, high in tqdm(pairs, desc=folder.name, disable=None, unit="picture", leave=False):
+        yield high, pictures.read_picture(low), pictures.read_picture(high)
 
 
 def _degrade_pairs(folder: Path, kind: str, scale: int) -> Iterator[tuple[Path, Picture, Picture]]:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
 import torch
 
 from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
 from ciir.renderer.scenes import SCENES, load_scene
-from ciir.training.data import degrade, downscale, mesh_views, pictures
+from ciir.training.data import downscale, mesh_views, pictures
 from ciir.training.data.light_field.crops import STEPS_PER_BLOCK, Inputs, LightFieldCrops
 from ciir.training.export.inputs import IMAGE, LIGHT_FIELD_INPUTS
 
@@ -17,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
+    import numpy as np
     from numpy.typing import NDArray
 
     from ciir.training.data.mesh_views import MeshLightField
@@ -54,15 +54,12 @@ def make_picture_examples(folders: Sequence[Path], scale: int) -> list[Example]:
         files = [file for file in pictures.find_pictures(folder) if not file.name.endswith("_LR.png")]
         chosen = files[:: max(1, len(files) // PICTURES)][:PICTURES]
         for index, file in enumerate(chosen):
-            photograph = torch.from_numpy(pictures.read_rgb(file)).permute(2, 0, 1)
             kind = downscale.KINDS[index % len(downscale.KINDS)]
+            middle = _crop_middle(pictures.read_rgb(file), SIDE * downscale.cell_size(kind, scale))
             try:
-                low, high = degrade.make_pair(
-                    kind, _crop_middle(photograph, SIDE * downscale.cell_size(kind, scale)), scale
-                )
+                found.append(_make_picture_example(*downscale.downscale_picture(kind, middle, scale)))
             except ValueError as error:
                 raise ValueError(f"{file}: {error}; take it out of the folder") from error
-            found.append(_make_picture_example(low.permute(1, 2, 0).numpy(), high.permute(1, 2, 0).numpy()))
     for name in SCENES:
         for index in range(VIEWS):
             made = mesh_views.render_pairs(load_scene(name), seed=0, index=index, scale=scale)
@@ -91,13 +88,8 @@ def make_light_field_examples(folders: Sequence[Path], scale: int) -> list[Examp
     return found
 
 
-def to_input(low: Picture) -> NDArray[np.float32]:
-    """Converts `(h, w, 3)` 8 bit to the input of a network: `(1, 3, h, w)` float32 in [0, 1]."""
-    return np.ascontiguousarray(low.transpose(2, 0, 1)[np.newaxis].astype(np.float32) / 255)
-
-
 def _make_picture_example(low: Picture, high: Picture) -> Example:
-    return Example({IMAGE.name: to_input(low)}, high)
+    return Example({IMAGE.name: pictures.convert_to_input(low)}, high)
 
 
 def _split_batch(inputs: Inputs, high: torch.Tensor) -> Iterator[Example]:
@@ -118,7 +110,7 @@ def _make_mesh_examples(field: MeshLightField) -> Iterator[Example]:
         yield from _split_batch(Inputs(image, around, middle, middle), field.high[None].float().div(255))
 
 
-def _crop_middle(photograph: torch.Tensor, side: int) -> torch.Tensor:
-    height, width = photograph.shape[-2:]
+def _crop_middle(photograph: Picture, side: int) -> Picture:
+    height, width = photograph.shape[:2]
     top, left = max(0, height - side) // 2, max(0, width - side) // 2
-    return photograph[:, top : top + side, left : left + side]
+    return photograph[top : top + side, left : left + side]

@@ -30,6 +30,7 @@ from ciir.training.loop.run import as_tuple
 from ciir.training.networks import make_network
 from ciir.training.networks.batch_norm import fold_batch_norm
 from ciir.training.networks.collapsible import collapse
+from ciir.training.networks.interpolation import separate
 from ciir.training.networks.light_field import (
     LightFieldGenerator,
     WithUncertainty,
@@ -37,7 +38,6 @@ from ciir.training.networks.light_field import (
     merge_layers,
     split_layers,
 )
-from ciir.training.networks.separable import separate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -192,7 +192,7 @@ def _scores(path: Path, folders: Sequence[Path]) -> tuple[cards.Accuracy, ...]:
         return tuple(pictures.score(upscaler, folder) for folder in folders)
     network = LightFieldNetwork(path, emulates_int8=True)
     tries = itertools.product(folders, KINDS)
-    return tuple(light_fields.score(network, folder, degradation=kind) for folder, kind in tries)
+    return tuple(light_fields.measure(network, folder, degradation=kind).mean for folder, kind in tries)
 
 
 def load_network(state: dict[str, Any]) -> nn.Module:

@@ -12,7 +12,7 @@ from ciir.training.data.downscale import KINDS
 from ciir.training.data.light_field.crops import Inputs
 from ciir.training.data.light_field.layered_scenes import LUMA
 from ciir.training.data.light_field.views import degrade_views, read_views
-from ciir.training.evaluation.metrics import compute_psnr, rgb_to_luma
+from ciir.training.loop.validation import score_outputs
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import nn
 
-    from ciir.training.data.light_field.views import Pair
+    from ciir.training.data.downscale import Pair
 
 
 def read_light_field(folder: Path, scale: int) -> list[Pair]:
@@ -42,16 +42,7 @@ def make_inputs(low: NDArray[np.uint8], v: int, u: int) -> Inputs:
     return Inputs(image, around, torch.from_numpy(rows.present), torch.from_numpy(cols.present))
 
 
-@torch.no_grad()
 def validate_network(network: nn.Module, against: list[Pair]) -> float:
     """Returns the mean Y-PSNR in dB of the middle view over all degradations, with a border of 2 cut."""
-    device = next(network.parameters()).device
-    network.eval()
-    scores = []
-    for low, high in against:
-        v, u = low.shape[0] // 2, low.shape[1] // 2
-        made = network(*(part.to(device) for part in make_inputs(low, v, u)))[0].permute(1, 2, 0).cpu()
-        picture = made.clamp(0, 1).mul(255).round().byte().numpy()
-        scores.append(compute_psnr(rgb_to_luma(picture), rgb_to_luma(high[v, u]), border=2))
-    network.train()
-    return sum(scores) / len(scores)
+    middle = [(low, high, low.shape[0] // 2, low.shape[1] // 2) for low, high in against]
+    return score_outputs(network, ((make_inputs(low, v, u), high[v, u]) for low, high, v, u in middle), 2)

@@ -1,15 +1,17 @@
-"""Logs of a run: log.csv, a TensorBoard file and a plot."""
+"""Logs of a run: log.csv, a TensorBoard file, a plot, and its progress on standard error."""
 
 from __future__ import annotations
 
 import csv
 import io
 import sys
+import warnings
 from typing import TYPE_CHECKING
+
+from tqdm import tqdm
 
 from ciir.errors import advise_extra
 from ciir.renderer.writers.atomic_write import replacing
-from ciir.training.loop import plot
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -69,7 +71,7 @@ class Log:
             file.write(_to_csv(self.rows))
         if self._draw:
             try:
-                picture = plot.draw_plot(self.rows, list_losses(self.rows), self.title)
+                picture = draw_plot(self.rows, list_losses(self.rows), self.title)
                 with replacing(self.out / "plot.png") as file:
                     file.write(picture)
             except ModuleNotFoundError as error:
@@ -118,3 +120,57 @@ def _open_events(folder: Path, step: int) -> SummaryWriter | None:
 
 def _note_missing(error: ModuleNotFoundError, file: str) -> None:
     print(f"note: no {file}: the package {error.name} is not installed ({advise_extra('training')})", file=sys.stderr)
+
+
+def draw_plot(rows: Sequence[Mapping[str, float]], losses: Sequence[str], title: str) -> bytes:
+    """Plots a run as a PNG of 900x700 pixels: PSNR in dB above, the columns `losses` of `rows` below.
+
+    Raises `ModuleNotFoundError` where matplotlib is not installed.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 7), dpi=100)
+    above, below = figure.subplots(2, 1, sharex=True)
+    mark = "." if len(rows) < 60 else ""  # a line through one point is invisible
+    figure.subplots_adjust(left=0.1, right=0.98, top=0.95, bottom=0.07)
+    for axes, names, label in ((above, ["psnr"], "PSNR on Y, dB"), (below, losses, "loss, mean since the last row")):
+        for name in names:
+            points = [(row["step"], row[name]) for row in rows if name in row]
+            axes.plot(*zip(*points, strict=True), marker=mark, linewidth=1.2, label=name)
+        axes.set_ylabel(label)
+        axes.grid(visible=True, alpha=0.3)
+    if all(row[name] > 0 for row in rows for name in losses if name in row):  # hinge terms go below zero
+        below.set_yscale("log")
+    below.legend()
+    below.set_xlabel("step")
+    above.set_title(title)
+    png = io.BytesIO()
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # in a run's name: a box will do
+        figure.savefig(png, format="png")
+    return png.getvalue()
+
+
+class Progress(tqdm):  # type: ignore[misc]
+    """Progress on standard error from `step` of `steps`: time left, last loss, last validation PSNR in dB.
+
+    A bar on a terminal, elsewhere a line for each validation.
+    """
+
+    def __init__(self, step: int, steps: int, psnr: float) -> None:
+        self.psnr = psnr
+        super().__init__(initial=step, total=steps, unit="step", disable=None, file=sys.stderr, dynamic_ncols=True)
+
+    def count_step(self, loss: float | None) -> None:
+        """Counts a step; `loss` where it is known."""
+        if loss is not None:
+            self.set_postfix_str(f"loss {loss:.4g}, PSNR {self.psnr:.2f} dB", refresh=False)
+        self.update()
+
+    def report_validation(self, step: int, *, loss: float, psnr: float, pace: float) -> None:
+        """Reports a validation after `step` with the mean loss since the previous one; `pace` in seconds a step."""
+        self.psnr = psnr
+        if self.disable:
+            left = self.format_interval((self.total - step) * pace)
+            text = f"loss {loss:.4g}, PSNR {psnr:.2f} dB, {pace:.3g} s a step, {left} left"
+            print(f"step {step} of {self.total}: {text}", file=sys.stderr, flush=True)

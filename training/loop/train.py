@@ -14,9 +14,8 @@ from ciir.training.data.crops import Crops
 from ciir.training.data.light_field.crops import KEPT_BLOCKS, STEPS_PER_BLOCK, LightFieldCrops
 from ciir.training.loop import light_field_validation, validation
 from ciir.training.loop.interrupt import Stopped, catch_signals
-from ciir.training.loop.logs import Log, Means
+from ciir.training.loop.logs import Log, Means, Progress
 from ciir.training.loop.prefetch import prefetch_batches
-from ciir.training.loop.progress import Progress
 from ciir.training.loop.run import Run, learning_rate
 from ciir.training.networks.light_field import LightFieldGenerator
 

@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from ciir.training.data import degrade, pictures
+from ciir.training.data import pictures
 from ciir.training.data.downscale import Pair, downscale_picture
 from ciir.training.evaluation.metrics import compute_psnr, rgb_to_luma
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from pathlib import Path
 
     from torch import Tensor, nn
@@ -24,14 +25,11 @@ def read_pairs(folder: Path, scale: int) -> list[Pair]:
     Raises `ValueError` where there is none, one can't be read, an HR is missing, or a pair is at another scale.
     """
     files = pictures.find_pictures(folder)
-    lows = [path for path in files if path.name.endswith("_LR.png")]
-    if not lows:
+    pairs = pictures.pair_files(files)
+    if not pairs:
         return [_make_pair(path, scale) for path in files]
     read = []
-    for path in lows:
-        truth = path.with_name(path.name.replace("_LR.png", "_HR.png"))
-        if not truth.is_file():
-            raise ValueError(f"{truth}: missing; each *_LR.png needs its *_HR.png")
+    for path, truth in pairs:
         low, high = pictures.read_rgb(path), pictures.read_rgb(truth)
         if high.shape != (scale * low.shape[0], scale * low.shape[1], 3):
             raise ValueError(
@@ -49,23 +47,27 @@ def _make_pair(path: Path, scale: int) -> Pair:
     return downscale_picture("bicubic", picture, scale)
 
 
-def _to_pixels(image: Tensor) -> Picture:
-    """`(1, 3, H, W)` float, nominally in [0, 1] -> `(H, W, 3)` 8 bit."""
-    pixels: Picture = image[0].permute(1, 2, 0).clamp(0, 1).mul(255).round().byte().cpu().numpy()
-    return pixels
-
-
 @torch.no_grad()
-def validate_network(network: nn.Module, against: list[Pair], scale: int) -> float:
-    """Mean Y-PSNR in dB by the published protocol: 8-bit outputs, a border of `scale` cut. Runs where the network is.
+def score_outputs(network: nn.Module, cases: Iterable[tuple[tuple[Tensor, ...], Picture]], border: int) -> float:
+    """Mean Y-PSNR in dB of what a network makes of its inputs, rounded to 8 bits, against their truths `(H, W, 3)`.
 
-    Grey pictures count as RGB ones, 1.3 dB higher than `training.evaluation.pictures` has them.
+    `border`: pixels that are cut along each edge. Runs where the network is.
     """
     device = next(network.parameters()).device
     network.eval()
     scores = []
-    for low, high in against:
-        picture = _to_pixels(network(degrade.to_tensor(torch.from_numpy(low)).to(device)))
-        scores.append(compute_psnr(rgb_to_luma(picture), rgb_to_luma(high), border=scale))
+    for inputs, high in cases:
+        made = network(*(part.to(device) for part in inputs))[0].permute(1, 2, 0)
+        picture = made.clamp(0, 1).mul(255).round().byte().cpu().numpy()
+        scores.append(compute_psnr(rgb_to_luma(picture), rgb_to_luma(high), border=border))
     network.train()
     return sum(scores) / len(scores)
+
+
+def validate_network(network: nn.Module, against: list[Pair], scale: int) -> float:
+    """Mean Y-PSNR in dB by the published protocol: 8-bit outputs, a border of `scale` cut.
+
+    Grey pictures count as RGB ones, 1.3 dB higher than `training.evaluation.pictures` has them.
+    """
+    cases = (((torch.from_numpy(pictures.convert_to_input(low)),), high) for low, high in against)
+    return score_outputs(network, cases, scale)

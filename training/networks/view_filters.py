@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ciir.models.single.interpolation import keys_kernel
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -69,12 +71,7 @@ def _correlate() -> tuple[Array, Array, Array]:
     """
     place = (np.arange(-4 * STEPS, 4 * STEPS) + 0.5) / STEPS
     distance = np.abs(place)
-    keys = np.where(
-        distance <= 1,
-        1.5 * distance**3 - 2.5 * distance**2 + 1,
-        np.where(distance < 2, -0.5 * (distance**3 - 5 * distance**2 + 8 * distance - 4), 0.0),
-    )
-    footprints = [keys, (distance < 0.5) * 1.0, (distance < 0.125) * 1.0]
+    footprints = [keys_kernel(place), (distance < 0.5) * 1.0, (distance < 0.125) * 1.0]
     fine = (distance < 0.25) / (distance < 0.25).sum()
     lags = np.arange(-16 * STEPS, 16 * STEPS + 1) / STEPS
     scene = np.exp(-np.abs(lags) / CORRELATION)

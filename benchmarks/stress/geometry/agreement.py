@@ -65,13 +65,13 @@ class Agreement:
         yield Found(f"{what}: silhouette from its place, pixels", BAND, self.silhouette)
 
 
-def open_backends(what: str) -> Iterator[Backend | Skipped]:
-    """Ray casting, then raster, or why that cannot run here."""
-    yield open_backend("raytrace")[0]
+def open_backends(what: str) -> tuple[list[Backend], list[Skipped]]:
+    """Ray casting and raster, and why the latter cannot run where it can't."""
+    rays = open_backend("raytrace")[0]
     try:
-        yield open_backend("raster")[0]
+        return [rays, open_backend("raster")[0]], []
     except BackendUnavailable as error:
-        yield Skipped(f"{what}: raster", str(error))
+        return [rays], [Skipped(f"{what}: raster", str(error))]
 
 
 def compare_backends(
@@ -79,10 +79,9 @@ def compare_backends(
 ) -> Iterator[Found | Skipped]:
     """Rays against `slow` rays of each view in float64, and raster against both."""
     reference = build_slow_sight(placed)
-    for backend in open_backends(what):
-        if isinstance(backend, Skipped):
-            yield backend
-            continue
+    backends, skipped = open_backends(what)
+    yield from skipped
+    for backend in backends:
         pictures = list(backend.render_views(placed, array, views))
         is_raster = backend.name == "raster"
         allowed, band = (RASTER_LEVELS, BAND) if is_raster else (RAY_LEVELS, FLOAT_BAND)

@@ -49,10 +49,9 @@ def _count_wrong_pixels(backend: Backend, scene: Scene, array: LensArray, color:
 def depth_order(effort: Effort) -> Iterator[Found | Skipped]:
     """A sheet just behind another, at the near plane, half way and at the far plane, from 1e-3 to 1e6 away."""
     ranges = [(1.0, 50.0), (1e-3, 1e6)] if effort.quick else [(1.0, 50.0), (1e-3, 50.0), (1.0, 1e6), (1e-3, 1e6)]
-    for backend in open_backends("depth order"):
-        if isinstance(backend, Skipped):
-            yield backend
-            continue
+    backends, skipped = open_backends("depth order")
+    yield from skipped
+    for backend in backends:
         for near, far in ranges:
             wrong, gap = 0.0, ORDERED * (far - near)
             for front in (near, (near + far) / 2, far - gap):
@@ -68,11 +67,9 @@ def depth_order(effort: Effort) -> Iterator[Found | Skipped]:
 def depth_order_by_lens(effort: Effort) -> Iterator[Found | Skipped]:
     """The same for perspective renders of one lens each, whose depth buffer resolves less at larger distances."""
     array = LensArray(2, 2, SIDE, SIDE)
-    for backend in open_backends("depth order by lens"):
-        if isinstance(backend, Skipped):
-            yield backend
-        if isinstance(backend, Skipped) or backend.name != "raster":
-            continue
+    backends, skipped = open_backends("depth order by lens")
+    yield from skipped
+    for backend in (each for each in backends if each.name == "raster"):
         for near, far in [(1.0, 21.0)] if effort.quick else [(1.0, 21.0), (1.0, 100.0), (1e-2, 100.0)]:
             wrong = 0.0
             for front in (near, (near * far) ** 0.5, 0.9 * far):
@@ -97,10 +94,9 @@ def coplanar(effort: Effort) -> Iterator[Found | Skipped]:  # noqa: ARG001 - a c
     mosaic = shapes.make_mosaic(
         SIDE * 2, side=2.0 * SIDE, distance=30.0
     )  # half a pitch each: corners on every other ray
-    for backend in open_backends("coplanar sheets"):
-        if isinstance(backend, Skipped):
-            yield backend
-            continue
+    backends, skipped = open_backends("coplanar sheets")
+    yield from skipped
+    for backend in backends:
         both, again = (np.stack(list(backend.render_views(Scene((red, green)), ARRAY, VIEWS))) for _ in range(2))
         neither = ~((both == (255, 0, 0, 255)).all(axis=3) | (both == (0, 255, 0, 255)).all(axis=3))
         yield Found(f"{backend.name}: two sheets in one plane, pixels of neither's colour", 0.0, float(neither.sum()))
@@ -113,10 +109,9 @@ def coplanar(effort: Effort) -> Iterator[Found | Skipped]:  # noqa: ARG001 - a c
 
 def cut_outs(effort: Effort) -> Iterator[Found | Skipped]:
     """Up to 31 sheets that are cut away altogether, close behind one another, in front of one that is there."""
-    for backend in open_backends("cut-outs"):
-        if isinstance(backend, Skipped):
-            yield backend
-            continue
+    backends, skipped = open_backends("cut-outs")
+    yield from skipped
+    for backend in backends:
         for count in (31,) if effort.quick else (1, 8, 31):
             for slope in (0.0, 0.5):
                 gap = PASSED * 60.0
@@ -160,10 +155,9 @@ def degenerate(effort: Effort) -> Iterator[Found | Skipped]:
     line = np.array([[0.0, 0.0, 0.0], [0.1, 0.2, 0.3], [0.2, 0.4, 0.6]])
     extended = Surface(np.concatenate([ball.vertices, line]), np.concatenate([flat, ball.faces, flat[::-1]]))
     clean, dirty = (assemble_scene([surface], name="ball") for surface in (ball, extended))
-    for backend in open_backends("triangles without area"):
-        if isinstance(backend, Skipped):
-            yield backend
-            continue
+    backends, skipped = open_backends("triangles without area")
+    yield from skipped
+    for backend in backends:
         one, other = (
             next(iter(backend.render_views(s.transform(frame_scene(s, ARRAY)), ARRAY, VIEWS))) for s in (clean, dirty)
         )

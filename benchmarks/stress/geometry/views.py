@@ -91,10 +91,9 @@ def slivers(effort: Effort) -> Iterator[Found | Skipped]:
         aspect = count / (2 * np.pi)
         # Rounding to 8 bits, and weights that are quotients by an area: as much worse in float32 as it is longer.
         bound = 0.5 + 127.5 * 2.0**-24 * max(aspect, 1000.0)
-        for backend in open_backends("needles"):
-            if isinstance(backend, Skipped):
-                yield backend
-                continue
+        backends, skipped = open_backends("needles")
+        yield from skipped
+        for backend in backends:
             (picture,) = backend.render_views(disc, array, VIEWS[1:])
             what = f"{count:,} needles, {backend.name}"
             yield Found(f"{what}: holes, pixels", 0.0, float((picture[..., 3] == 0).sum()))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.benchmarks.stress.case import Found
+from ciir.benchmarks.stress.case import Found, skip_without
 from ciir.benchmarks.stress.networks import patterns, shipped
 from ciir.benchmarks.stress.networks.shipped import find_worst, peak
 
@@ -40,11 +40,9 @@ def make_inputs() -> tuple[list[str], Values]:
     return list(inputs), np.stack(list(inputs.values()))
 
 
+@skip_without("onnx", "activations")
 def activations(effort: Effort) -> Iterator[Found | Skipped]:
     """The largest value of each convolution's output on pictures and patterns, and its growth from layer to layer."""
-    if skipped := list(shipped.require_onnx("activations")):
-        yield from skipped
-        return
     names, images = make_inputs()
     for name in shipped.list_float_networks(effort):
         weights = shipped.read_weights(name)
@@ -60,11 +58,9 @@ def activations(effort: Effort) -> Iterator[Found | Skipped]:
         yield Found(f"{name}: growth of the largest value over one layer", GROWTH, growth[layer], layer)
 
 
+@skip_without("onnx", "saturation")
 def saturation(effort: Effort) -> Iterator[Found | Skipped]:
     """The share of each int8 tensor's values that lie on the ends of its grid, on pictures and on patterns."""
-    if skipped := list(shipped.require_onnx("saturation")):
-        yield from skipped
-        return
     names, images = make_inputs()
     count = len(patterns.make_pictures(SIDE))  # they come first
     for _, name in shipped.list_int8_twins(effort):

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from ciir.benchmarks.stress.case import Found, Skipped
+from ciir.benchmarks.stress.case import Found
 from ciir.cores import count_available_cores
-from ciir.errors import advise_extra
 from ciir.models import cards, catalogue
 from ciir.models.sessions import open_session
 
@@ -80,12 +78,6 @@ def load_reference(name: str) -> Callable[[Values], Values]:
         return np.concatenate([output for (output,) in outputs])
 
     return run
-
-
-def require_onnx(what: str) -> Iterator[Skipped]:
-    """A `Skipped` where the ONNX package is not installed; nothing where it is."""
-    if find_spec("onnx") is None:
-        yield Skipped(what, f"needs onnx: {advise_extra('training')}")
 
 
 def split_batch(images: Values) -> Iterator[Values]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ciir.benchmarks.stress.case import skip_without
 from ciir.benchmarks.stress.networks import patterns, shipped
 from ciir.benchmarks.stress.networks.shipped import LEVEL, UNSEEN, find_worst, peak, rms
 from ciir.models.single.interpolation import Bicubic
@@ -44,11 +45,9 @@ def make_inputs(steps: int) -> dict[str, Values]:
     return {**patterns.make_pictures(SIDE), **patterns.make_patterns(SIDE, SIDE), **waves}
 
 
+@skip_without("onnx", "onnxruntime against the reference on patterns")
 def against_reference(effort: Effort) -> Iterator[Found | Skipped]:
     """onnxruntime against the ONNX reference on pictures, patterns and sinusoids."""
-    if skipped := list(shipped.require_onnx("onnxruntime against the reference on patterns")):
-        yield from skipped
-        return
     inputs = make_inputs(1 if effort.quick else REFERENCE_STEPS)
     names, images = list(inputs), np.stack(list(inputs.values()))
     for name in effort.models:
@@ -57,11 +56,9 @@ def against_reference(effort: Effort) -> Iterator[Found | Skipped]:
         yield shipped.bound_difference(what, name, difference, names, int8_rms=INT8_ROUNDING)
 
 
+@skip_without("onnx", "onnxruntime against the reference outside [0, 1]")
 def outside_the_range(effort: Effort) -> Iterator[Found | Skipped]:
     """The same for values up to +-10, which only the graph itself takes."""
-    if skipped := list(shipped.require_onnx("onnxruntime against the reference outside [0, 1]")):
-        yield from skipped
-        return
     inputs = patterns.make_outside(SIDE, SIDE)
     images = np.stack(list(inputs.values()))
     for name in shipped.list_float_networks(effort):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.benchmarks.stress.case import Found
+from ciir.benchmarks.stress.case import Found, skip_without
 from ciir.benchmarks.stress.networks import patterns, shipped
 from ciir.benchmarks.stress.networks.shipped import LEVEL, find_worst, peak
 from ciir.benchmarks.stress.networks.signals import INT8_ROUNDING, INT8_WORST
@@ -42,11 +42,9 @@ def crop_picture(height: int, width: int) -> Values:
     return np.ascontiguousarray(picture[None, :, top : top + height, left : left + width])
 
 
+@skip_without("onnx", "onnxruntime against the reference at every size")
 def against_reference(effort: Effort) -> Iterator[Found | Skipped]:
     """onnxruntime against the ONNX reference at heights 1, 2, 3, 5, ..., 34 and every width from 1 to 40."""
-    if skipped := list(shipped.require_onnx("onnxruntime against the reference at every size")):
-        yield from skipped
-        return
     heights = (1, 2, 3, 5, 8, 13, 21, 34)  # the reference is too slow for all
     sizes = [size for size in list_sizes(effort) if size[0] in heights]
     for name in effort.models:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ciir.benchmarks.bench.errors import compare
+from ciir.benchmarks.bench.errors import compare, find_worst_window
 from ciir.training.evaluation.metrics import compute_psnr, compute_ssim, rgb_to_luma
 
 pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
@@ -45,3 +45,16 @@ def test_views_without_the_object_and_other_shapes_are_named():
 def test_small_views_have_no_ssim():
     truth = pictures(5, (1, 8, 8, 3))
     assert np.isnan(compare(truth, truth).ssim)
+
+
+def test_the_window_of_the_crops_is_the_worst():
+    truth = np.zeros((100, 120, 3), np.uint8)
+    picture, other = truth.copy(), truth.copy()
+    picture[60:70, 70:80] = 50
+    other[10:40, 10:40] = 90
+    rows, cols = find_worst_window(picture, truth, other, side=48)
+    assert rows.start <= 60
+    assert rows.stop >= 70
+    assert cols.start <= 70
+    assert cols.stop >= 80
+    assert (rows.stop - rows.start, cols.stop - cols.start) == (48, 48)

@@ -99,16 +99,3 @@ def test_an_exported_network_is_judged_by_its_card(name, case):
 def test_an_unknown_model_is_refused():
     with pytest.raises(UnknownModel, match="gpt"):
         score.make_subject("gpt")
-
-
-def test_the_window_of_the_crops_is_the_worst():
-    truth = np.zeros((100, 120, 3), np.uint8)
-    picture, other = truth.copy(), truth.copy()
-    picture[60:70, 70:80] = 50
-    other[10:40, 10:40] = 90
-    rows, cols = score._find_window(truth, picture, other)
-    assert rows.start <= 60
-    assert rows.stop >= 70
-    assert cols.start <= 70
-    assert cols.stop >= 80
-    assert (rows.stop - rows.start, cols.stop - cols.start) == (48, 48)

@@ -79,7 +79,7 @@ def test_a_difference_from_the_reference_breaks(monkeypatch):
 
 
 def test_without_onnx_cases_are_skipped(monkeypatch):
-    monkeypatch.setattr(shipped, "find_spec", lambda name: None)
+    monkeypatch.setattr("ciir.benchmarks.stress.case.find_spec", lambda name: None)
     for case in (signals.against_reference, signals.outside_the_range, sizes.against_reference, *layers.CASES):
         (skipped,) = case(QUICK)
         assert isinstance(skipped, Skipped)

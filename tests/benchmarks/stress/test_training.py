@@ -27,7 +27,7 @@ def test_it_holds(case):
 
 
 def test_without_torch_it_is_skipped(monkeypatch):
-    monkeypatch.setattr(training, "find_spec", lambda name: None)
+    monkeypatch.setattr("ciir.benchmarks.stress.case.find_spec", lambda name: None)
     for case in training.CASES:
         (only,) = case(QUICK)
         assert isinstance(only, Skipped)

@@ -7,9 +7,10 @@ import numpy as np
 import torch
 
 from ciir.training.data import crops as data
-from ciir.training.data import degrade, pictures
+from ciir.training.data import pictures
 from ciir.training.data.crops import Crops
-from ciir.training.data.downscale import KINDS
+from ciir.training.data.downscale import KINDS, Pair, downscale_picture
+from tests.training import degradations
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +31,7 @@ def test_low_and_high_stay_aligned_under_every_flip_and_turn(crops):
     """Inside a crop, the LR crop is what degrading the HR crop gives; misaligned, it is levels away."""
     for step in range(8):
         low, high = crops.make_batch(step)
-        difference = (degrade.bicubic(high, 2) - low)[..., 2:-2, 2:-2].abs() * 255
+        difference = (degradations.bicubic(high, 2) - low)[..., 2:-2, 2:-2].abs() * 255
         assert difference.max() <= 1.01
 
 
@@ -56,7 +57,7 @@ def test_every_degradation_keeps_low_and_high_aligned(recipe, kind):
     """The mean over an LR cell of HR is near the LR sample; a pixel off, it is several times further from it."""
     crops = Crops(Path(recipe.train), crop=16, scale=2, batch=16, seed=9, degradations={kind: 1})
     low, high = crops.make_batch(0)
-    mean = degrade.box(high, 2)
+    mean = degradations.box(high, 2)
     aligned = (mean - low).abs().mean()
     assert aligned < 0.3 * (mean - low.roll(1, 2)).abs().mean()
     assert aligned < 0.3 * (mean - low.roll(1, 3)).abs().mean()
@@ -68,14 +69,14 @@ def test_crops_are_cut_out_of_whole_degraded_pictures(recipe, kind, scale):
     """To the bit, borders included: 3 pictures of odd sizes, many crops of them."""
     crops = Crops(Path(recipe.train), crop=2 * scale, scale=scale, batch=1, seed=9, degradations={kind: 1})
     for pair, file in zip(crops.groups[0], pictures.find_pictures(Path(recipe.train)), strict=True):
-        low, high = degrade.make_pair(kind, torch.from_numpy(pictures.read_rgb(file)).permute(2, 0, 1), scale)
-        assert pair.size == low.shape[1:]
+        low, high = downscale_picture(kind, pictures.read_rgb(file), scale)
+        assert pair.size == low.shape[:2]
         for y in range(pair.size[0] - 1):
             for x in {0, pair.size[1] // 2 - 1, pair.size[1] - 2}:
                 part = pair.crop(slice(y, y + 2), slice(x, x + 2))
-                assert torch.equal(part[0], low[:, y : y + 2, x : x + 2])
+                assert np.array_equal(part.low, low[y : y + 2, x : x + 2])
                 tall, wide = slice(y * scale, (y + 2) * scale), slice(x * scale, (x + 2) * scale)
-                assert torch.equal(part[1], high[:, tall, wide])
+                assert np.array_equal(part.high, high[tall, wide])
 
 
 def test_memory_makes_no_difference(recipe, crops):
@@ -107,9 +108,9 @@ def test_a_share_of_crops_is_corrupted(recipe, crops):
     for pair in parts[0].groups[0]:
         for seed in range(60):
             none, some, every = (part._corrupt_crop(pair, 1, 2, np.random.default_rng(seed)) for part in parts)
-            assert all(torch.equal(one[1], none[1]) for one in (some, every))
-            changed.append([not torch.equal(one[0], none[0]) for one in (some, every)])
-            assert torch.equal(some[0], every[0] if changed[-1][0] else none[0])
+            assert all(np.array_equal(one.high, none.high) for one in (some, every))
+            changed.append([not np.array_equal(one.low, none.low) for one in (some, every)])
+            assert np.array_equal(some.low, every.low if changed[-1][0] else none.low)
     few, most = np.mean(changed, axis=0)
     assert 0.2 < few < 0.4
     assert most > 0.95  # the strength of noise is drawn too
@@ -118,11 +119,12 @@ def test_a_share_of_crops_is_corrupted(recipe, crops):
 def test_blur_reaches_over_the_edge_of_a_crop(recipe, monkeypatch):
     """A crop of the blurred picture, not a blurred crop: inside the picture every crop of a ramp is a ramp."""
     crops = Crops(Path(recipe.train), crop=8, scale=2, batch=1, seed=1, blur=1.0)
-    ramp = (torch.arange(60) * 4).expand(3, 60, 60).to(torch.uint8)
+    ramp = np.broadcast_to(np.arange(60, dtype=np.uint8)[:, None] * 4, (60, 60, 3))
     monkeypatch.setattr(data.Photograph, "size", (60, 60))
-    monkeypatch.setattr(data.Photograph, "crop", lambda self, rows, cols: (ramp[:, rows, cols], ramp.repeat(1, 2, 2)))
+    high = np.tile(ramp, (2, 2, 1))
+    monkeypatch.setattr(data.Photograph, "crop", lambda self, rows, cols: Pair(ramp[rows, cols], high))
     low, _ = crops._corrupt_crop(crops.groups[0][0], 20, 20, np.random.default_rng(0))
-    assert torch.equal(low, ramp[:, 20:24, 20:24])
+    assert np.array_equal(low, ramp[20:24, 20:24])
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,9 @@ import pytest
 
 pytest.importorskip("torch", reason="needs torch, of the training extra")
 
-from ciir.training.data import degrade, rendered
+from ciir.training.data import rendered
 from ciir.training.data.crops import Crops
+from tests.training import degradations
 
 SHARES = {"bicubic": 2, "pinhole": 1, "lenslet": 1}
 PICTURES = [np.random.default_rng(i).integers(0, 256, (120, 90, 3), dtype=np.uint8) for i in range(3)]
@@ -54,7 +55,7 @@ def test_a_bicubic_view_is_the_truth_made_small(tmp_path):
     Image.fromarray(PICTURES[0]).save(tmp_path / "a.png")
     crops = Crops(tmp_path, crop=192, scale=2, batch=2, seed=0, scenes=1, degradations={"bicubic-view": 1})
     low, high = crops.make_batch(0)
-    assert ((degrade.bicubic(high, 2) - low).abs() * 255).max() <= 1.01
+    assert ((degradations.bicubic(high, 2) - low).abs() * 255).max() <= 1.01
     pinhole, _ = Crops(tmp_path, crop=192, scale=2, batch=2, seed=0, scenes=1, degradations={"pinhole": 1}).make_batch(
         0
     )

@@ -17,7 +17,7 @@ from ciir.models.catalogue import SHIPPED
 from ciir.models.light_field.network import LightFieldNetwork
 from ciir.models.single.interpolation import Nearest
 from ciir.training.evaluation import light_fields
-from ciir.training.evaluation.light_fields import load_network, score
+from ciir.training.evaluation.light_fields import load_network, measure
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -63,7 +63,7 @@ def test_a_known_error(tmp_path, network):
     views = {place: pixels[..., :1].repeat(3, axis=2) // 2 for place, pixels in field(5, 6).items()}
     for place, step in steps.items():
         views[place][::2, ::2] += np.uint8(4 * step)
-    found = score(network, save(tmp_path / "shelf", views), grid=(3, 4), degradation="box")
+    found = measure(network, save(tmp_path / "shelf", views), grid=(3, 4), degradation="box").mean
     wanted = [10 * np.log10(255**4 / 219**2 / (3 * step**2)) for step in (1, 2)]
     assert (found.data, found.pictures) == ("shelf 3x4 (box)", 12)
     assert found.psnr == pytest.approx(np.mean(wanted), abs=1e-4)
@@ -72,7 +72,7 @@ def test_a_known_error(tmp_path, network):
 
 def test_views_outside_the_grid_are_ignored(tmp_path):
     network, views = Repeat(), field(5, 5)
-    score(network, save(tmp_path / "v", views), grid=(3, 3), degradation="box")
+    measure(network, save(tmp_path / "v", views), grid=(3, 3), degradation="box")
     assert len(network.windows) == 9
     (around, rows, cols), middle = network.windows[0], network.windows[4]
     np.testing.assert_array_equal(rows, [1, 0.5, 0.5, 0, 0])
@@ -84,11 +84,11 @@ def test_views_outside_the_grid_are_ignored(tmp_path):
 
 def test_a_model_of_single_pictures_goes_view_by_view(tmp_path):
     folder = save(tmp_path / "v", field(3, 3))
-    by_name = score(load_network("paper", 2), folder, grid=(3, 3), degradation="box")
+    by_name = measure(load_network("paper", 2), folder, grid=(3, 3), degradation="box")
     by_path = load_network(str(SHIPPED / "paper.json"), 2)
-    assert by_name == score(by_path, folder, grid=(3, 3), degradation="box")
-    assert by_name == score(models.load_upscaler("paper"), folder, grid=(3, 3), degradation="box")
-    assert score(load_network("bicubic", 3), folder, grid=(3, 3)).pictures == 9
+    assert by_name == measure(by_path, folder, grid=(3, 3), degradation="box")
+    assert by_name == measure(models.load_upscaler("paper"), folder, grid=(3, 3), degradation="box")
+    assert measure(load_network("bicubic", 3), folder, grid=(3, 3)).mean.pictures == 9
 
 
 def test_a_network_that_is_not_there():
@@ -102,12 +102,12 @@ def test_a_network_that_is_not_there():
 
 def test_too_few_views_are_refused(tmp_path):
     with pytest.raises(ValueError, match="--grid 2x3: repeat takes 3x3 views or more; give those"):
-        score(Repeat(), save(tmp_path / "v", field(3, 3)), grid=(2, 3))
+        measure(Repeat(), save(tmp_path / "v", field(3, 3)), grid=(2, 3))
 
 
 def refused(folder: Path, **options) -> str:
     with pytest.raises(ValueError) as caught:  # noqa: PT011 - the words are the tests'
-        score(Nearest(2), folder, **options)
+        measure(Nearest(2), folder, **options)
     assert "\n" not in str(caught.value)
     return str(caught.value)
 

@@ -62,7 +62,7 @@ def test_the_card(exported, views):
     assert (card.name, card.scale, card.radius, card.training.iterations) == ("near", 2, 5 + 2 + 1 + 1 + 1 + 1, 7)
     assert card.protocol == light_fields.PROTOCOL
     network = LightFieldNetwork(exported)
-    assert card.accuracy == tuple(light_fields.score(network, views, degradation=kind) for kind in KINDS)
+    assert card.accuracy == tuple(light_fields.measure(network, views, degradation=kind).mean for kind in KINDS)
     assert [score.data for score in card.accuracy] == [f"{views.name} 5x5 ({kind})" for kind in KINDS]
     commands = card.command.split("; ")
     assert commands[0] == f"ciir evaluate near --light-field {views.as_posix()} --degradation bicubic"

@@ -9,9 +9,9 @@ from ciir.training.export import inputs as examples
 from ciir.training.export import measure
 from ciir.training.networks import LiteGenerator, make_network
 from ciir.training.networks.collapsible import collapse
+from ciir.training.networks.interpolation import separate
 from ciir.training.networks.light_field import LightFieldGenerator
 from ciir.training.networks.plane_sweep import REACH
-from ciir.training.networks.separable import separate
 
 
 def test_radius_and_cost_of_the_papers_generator():

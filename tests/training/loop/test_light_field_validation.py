@@ -8,9 +8,9 @@ import torch
 from PIL import Image
 from torch import nn
 
-from ciir.training.data.downscale import KINDS
+from ciir.training.data.downscale import KINDS, Pair
 from ciir.training.data.light_field.layered_scenes import LUMA
-from ciir.training.data.light_field.views import Pair, degrade_views
+from ciir.training.data.light_field.views import degrade_views
 from ciir.training.loop import light_field_validation
 
 

@@ -7,7 +7,7 @@ torch = pytest.importorskip("torch", reason="needs the training extra")
 from PIL import Image
 
 from ciir.training.loop import logs
-from ciir.training.loop.progress import Progress
+from ciir.training.loop.logs import Progress
 
 
 def row(step, **losses):

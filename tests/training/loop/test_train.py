@@ -63,7 +63,7 @@ def at_step(monkeypatch, step, act):
 @pytest.fixture(autouse=True)
 def no_picture(monkeypatch):
     """Half a second each; `unbroken` draws real ones."""
-    monkeypatch.setattr(logs.plot, "draw_plot", lambda rows, losses, title: b"")
+    monkeypatch.setattr(logs, "draw_plot", lambda rows, losses, title: b"")
 
 
 @pytest.fixture(scope="module", params=[{}, GAN], ids=["pixels", "gan"])

@@ -8,7 +8,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from ciir.models.light_field.windows import WINDOW_SIDE
-from ciir.training.data.corrupt import compress_jpeg_grey
+from ciir.training.data.corrupt import compress_jpeg
 from ciir.training.data.light_field.layered_scenes import LUMA
 
 MISMATCHED = 0.04
@@ -89,5 +89,5 @@ def _compress(views: Tensor, quality: int, *, is_array: bool) -> Tensor:
     joined = grid.permute(order)
     shape = joined.shape
     levels = joined.reshape(shape[0] * shape[1], -1).mul(255).round().byte().numpy()
-    back = torch.from_numpy(compress_jpeg_grey(levels, quality)).float().div(255).reshape(shape)
+    back = torch.from_numpy(compress_jpeg(levels, quality)).float().div(255).reshape(shape)
     return back.permute(*np.argsort(order).tolist()).reshape(views.shape)

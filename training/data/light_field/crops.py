@@ -17,7 +17,7 @@ from tqdm import tqdm
 
 from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
 from ciir.renderer.scene import Scene
-from ciir.training.data import degrade, downscale
+from ciir.training.data import downscale
 from ciir.training.data.crops import RENDERED, check_degradations
 from ciir.training.data.light_field import layered_scenes
 from ciir.training.data.light_field.camera_differences import differ
@@ -136,8 +136,8 @@ class LightFieldCrops:
             field = fields[int(random.integers(len(fields)))]
             y, x = (int(random.integers(length - self.side + 1)) for length in field.views[kind].shape[1:])
             rows, cols = slice(y, y + self.side), slice(x, x + self.side)
-            around, high = degrade.crop_pair(field.views[kind], field.high, 2, rows, cols)
-            crops.append((field.colours[kind][:, rows, cols], around, high))
+            high = field.high[:, 2 * y : 2 * (y + self.side), 2 * x : 2 * (x + self.side)]
+            crops.append((field.colours[kind][:, rows, cols], field.views[kind][:, rows, cols], high))
         image, around, high = (torch.stack(each).float().div(255) for each in zip(*crops, strict=True))
         return own, (image, around, high)
 
@@ -181,12 +181,13 @@ def _draw_own(random: np.random.Generator) -> View:
     return row, col
 
 
-def _degrade(kind: str, fine: Tensor) -> degrade.Pair:
-    """Degrades what was sampled `layered_scenes.FINE` times as finely as LR, 8 bit `(C, H, W)`."""
-    if kind == "point":
-        return degrade.make_pair(kind, fine, 2)
-    high = degrade.box(fine[None].float().div(255), layered_scenes.FINE // 2)[0]
-    return degrade.make_pair(kind, high.mul(255).round().byte(), 2)
+def _degrade(kind: str, fine: Tensor) -> tuple[Tensor, Tensor]:
+    """LR and HR, 8 bit `(C, h, w)`, of what was sampled `layered_scenes.FINE` times as finely as LR, `(C, H, W)`."""
+    picture = fine.permute(1, 2, 0).numpy()
+    if kind != "point":
+        picture = downscale.downscale_picture("box", picture, layered_scenes.FINE // 2).low
+    low, high = (torch.from_numpy(part).permute(2, 0, 1) for part in downscale.downscale_picture(kind, picture, 2))
+    return low, high
 
 
 def _augment(

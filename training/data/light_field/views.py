@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.eia import reader as eia
 from ciir.renderer.readers.layout import Layout
 from ciir.training.data.corrupt import encode_jpeg
-from ciir.training.data.downscale import downscale_picture
+from ciir.training.data.downscale import Pair, downscale_picture
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,13 +23,6 @@ if TYPE_CHECKING:
 
 LEAST = 16
 """Smallest side of a view in pixels: its low-resolution version must be large enough to be scored."""
-
-
-class Pair(NamedTuple):
-    """A low-resolution light field `(V, U, h, w, 3)` and its truth `(V, U, scale*h, scale*w, 3)`, 8-bit RGB."""
-
-    low: NDArray[np.uint8]
-    high: NDArray[np.uint8]
 
 
 def read_views(path: Path, *, grid: tuple[int, int] | None = None, layout: Layout | None = None) -> NDArray[np.uint8]:

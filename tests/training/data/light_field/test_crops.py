@@ -11,7 +11,7 @@ import torch
 from PIL import Image
 
 from ciir.models.light_field.windows import select_axis
-from ciir.training.data import degrade, mesh_views
+from ciir.training.data import mesh_views
 from ciir.training.data.downscale import KINDS
 from ciir.training.data.light_field import camera_differences, layered_scenes
 from ciir.training.data.light_field import crops as data
@@ -19,6 +19,7 @@ from ciir.training.data.light_field.crops import OWN, STEPS_PER_BLOCK, LightFiel
 from ciir.training.data.light_field.layered_scenes import LUMA
 from ciir.training.loop.prefetch import prefetch_batches
 from ciir.training.networks.plane_sweep import PLANES, SIDE, PlaneSweep
+from tests.training import degradations
 
 DISPARITY = 0.85
 RIGHT = len(PLANES) + 1 + PLANES.index(DISPARITY)
@@ -113,7 +114,7 @@ def make_parts(own):
     picture = np.asarray(torch.rand(16, 16, 3, generator=torch.Generator().manual_seed(0)))
     picture = np.asarray(Image.fromarray((picture * 255).astype(np.uint8)).resize((layered_scenes.TEXTURE,) * 2))
     views, colours = layered_scenes.make_scenes(seeded(), [picture], 2, side=24, window=SIDE, own=own)
-    return degrade.box(colours, 4), degrade.box(views, 4), degrade.box(colours, 2)
+    return degradations.box(colours, 4), degradations.box(views, 4), degradations.box(colours, 2)
 
 
 @pytest.mark.parametrize("turns", list(itertools.product((0.0, 0.9), repeat=3)))
@@ -124,7 +125,7 @@ def test_all_parts_are_flipped_in_the_same_way(flat, turns):
     (image, around, rows, cols), high = data._augment(Drawn(*turns), image, around, high, own, is_small=False)
     assert planes(around, rows, cols) == [RIGHT] * 2
     torch.testing.assert_close(luma(image), get_own(around, rows, cols), atol=1 / 255, rtol=0)
-    torch.testing.assert_close(degrade.box(high, 2), image, atol=1.01 / 255, rtol=0)  # each is rounded to 8 bits
+    torch.testing.assert_close(degradations.box(high, 2), image, atol=1.01 / 255, rtol=0)  # each is rounded to 8 bits
     down, right, swapped = (turn < 0.5 for turn in turns)
     places = [3 if down else 1, 0 if right else 4]
     wanted = [select_axis(at, SIDE).present.tolist() for at in (places[::-1] if swapped else places)]
@@ -154,11 +155,11 @@ def test_low_is_the_degraded_truth_after_augmentation(folder, clean, kind):
     for step in range(8):
         inputs, high = crops.make_batch(step)
         if kind == "point":  # of finer samples than the truth's
-            aligned = (degrade.box(high, 2) - inputs.image).abs().mean()
+            aligned = (degradations.box(high, 2) - inputs.image).abs().mean()
             for shifted in (inputs.image.roll(1, 2), inputs.image.roll(1, 3)):
-                assert aligned < 0.3 * (degrade.box(high, 2) - shifted).abs().mean()
+                assert aligned < 0.3 * (degradations.box(high, 2) - shifted).abs().mean()
             continue
-        made = {"box": degrade.box, "bicubic": degrade.bicubic}[kind](high, 2)
+        made = {"box": degradations.box, "bicubic": degradations.bicubic}[kind](high, 2)
         assert (made - inputs.image).abs().max() <= 1.01 / 255  # sums in another order may round otherwise
 
 
@@ -244,7 +245,7 @@ def check_rendered(crops):
     for step in range(8):
         (image, around, rows, cols), high = crops.make_batch(step)
         torch.testing.assert_close(get_own(around, rows, cols), luma(image), atol=0.51 / 255, rtol=0)  # it is rounded
-        mean, shifted = degrade.box(high, 2), degrade.box(high.roll(2, 3), 2)
+        mean, shifted = degradations.box(high, 2), degradations.box(high.roll(2, 3), 2)
         if (around.flatten(1).std(1) > 0.02).all():
             shown += 1
             assert (mean - image).abs().mean() < 0.5 * (shifted - image).abs().mean()

@@ -7,10 +7,10 @@ pytest.importorskip("torch", reason="needs the training extra")
 import torch
 
 from ciir.models.light_field.windows import select_axis
-from ciir.training.data import degrade
 from ciir.training.data.light_field import layered_scenes
 from ciir.training.data.light_field.layered_scenes import MOST
 from ciir.training.networks.plane_sweep import PLANES, SIDE, PlaneSweep
+from tests.training import degradations
 
 MIDDLE = (SIDE // 2, SIDE // 2)
 OWN = [MIDDLE, (0, 3)]
@@ -74,7 +74,7 @@ def test_content_moves_down_and_right_by_the_disparity(layers, disparity, own):
 @pytest.mark.parametrize("own", OWN)
 def test_the_sweep_finds_a_flat_layer(layers, disparity, own):
     layers(disparity)
-    low = degrade.box(scenes(own=own)[0], layered_scenes.FINE)
+    low = degradations.box(scenes(own=own)[0], layered_scenes.FINE)
     rows, cols = (torch.from_numpy(select_axis(at, SIDE).present) for at in own)
     _, spread = PlaneSweep()(low, rows, cols)
     inner = spread[:, :, 8:-8, 8:-8].mean((2, 3))

@@ -3,8 +3,7 @@ import pytest
 pytest.importorskip("torch", reason="needs the training extra")
 import torch
 
-from ciir.training.networks.interpolation import Bicubic
-from ciir.training.networks.separable import SeparableBicubic
+from ciir.training.networks.interpolation import Bicubic, SeparableBicubic
 
 
 @pytest.mark.parametrize(("scale", "colours"), [(2, 3), (4, 3), (3, 1)])
