@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from tqdm import tqdm
 
-from ciir.models.cards import Accuracy
+from ciir.errors import UnsuitedModel, UnsupportedScale
+from ciir.models.cards import Accuracy, read_card
 from ciir.models.catalogue import load_upscaler
 from ciir.models.single.network import SingleImageNetwork
 from ciir.models.single.pixels import upscale_pixels
@@ -77,9 +78,14 @@ def load_model(model: str, *, scale: int = 2) -> Upscaler:
 
     int8 is emulated where the processor doesn't support it.
 
-    Raises `ciir.errors.ModelError` where there is no such model.
+    Raises `ciir.errors.ModelError` where there is no such model, it doesn't upscale by `scale` or is for light fields.
     """
     if model.endswith(".json"):
+        card = read_card(Path(model))
+        if card.is_light_field:
+            raise UnsuitedModel(f"{card.name} takes the views of a light field, not pictures; give --light-field")
+        if card.scale != scale:
+            raise UnsupportedScale(f"scale: {card.name} upscales by {card.scale}, not {scale}; give that")
         return SingleImageNetwork(Path(model), emulates_int8=True)
     return load_upscaler(model, scale=scale, emulates_int8=True)
 

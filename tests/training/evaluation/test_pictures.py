@@ -5,12 +5,12 @@ import pytest
 from PIL import Image
 
 pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
-from ciir import models
+from ciir import ModelError, models
 from ciir.models import processor
 from ciir.models.catalogue import SHIPPED
 from ciir.models.single.interpolation import Nearest
 from ciir.models.single.network import SingleImageNetwork
-from ciir.training.evaluation.pictures import evaluate, score
+from ciir.training.evaluation.pictures import evaluate, load_model, score
 from tests.support.paths import SHARED
 
 IMAGES = SHARED / "data" / "images"
@@ -113,6 +113,18 @@ def test_errors_of_pictures(tmp_path):
     save(tmp_path, "a.png", np.zeros((20, 20), np.uint8))
     with pytest.raises(ValueError, match="no 'blur' here"):
         score(Nearest(2), tmp_path, degradation="blur")
+
+
+@pytest.mark.parametrize(
+    ("card", "scale", "words"),
+    [
+        ("field.json", 2, "field takes the views of a light field, not pictures; give --light-field"),
+        ("fast.json", 4, "scale: fast upscales by 2, not 4; give that"),
+    ],
+)
+def test_cards_that_do_not_fit(card, scale, words):
+    with pytest.raises(ModelError, match=words):
+        load_model(str(SHIPPED / card), scale=scale)
 
 
 def test_supplied_pairs_need_no_torch(recipe, monkeypatch):
