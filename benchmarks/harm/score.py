@@ -161,13 +161,13 @@ def _upscale_light_field(network: Any, views: Views, at: View, finds_sampling: b
 def reconstruct_case(case: Case, model: str) -> Result:
     """The wanted view of `case` by the pipeline with the model `auto` or one of the catalogue.
 
-    Of a mesh, a light-field network gets the views that were rendered for all models: those that the pipeline would
-    render are the same to the bit.
+    Where it would render views of a mesh that are the lens array's, it gets those that were rendered for all models:
+    they are the same to the bit.
     """
     source, options = case.source, replace(case.options, model=model)
     if isinstance(source, Scene):
         plan = make_plan(resolve_job(case.input, source, options, max_views=DEFAULT_LIMITS.views))
-        if plan.is_light_field:
+        if plan.is_light_field and plan.close_views is None:
             source = LightField(case.views)
             options = Options(views=f"{case.at[0]},{case.at[1]}", model=plan.model, sampling=options.sampling)
     pictures, report = reconstruct_views(source, options)

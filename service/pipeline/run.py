@@ -34,7 +34,10 @@ from ciir.service.pipeline.stages.upscaling import (
 from ciir.service.pipeline.stages.view_sources import open_source
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ciir.renderer.readers.pictures import Pixels
+    from ciir.renderer.views import View
     from ciir.renderer.writers.writer import Writer
     from ciir.service.pipeline.options import Options
     from ciir.service.pipeline.stages.upscaling import UpscaleViews
@@ -146,7 +149,8 @@ def _reconstruct(
         plan = plan or make_plan(job)
         predicted = predict_plan(job, plan)
         views = open_source(job, plan, clock)
-        batches = _schedule(job, plan, views)
+        given_as = {plan.close_views.find_place(view) if plan.close_views else view: view for view in job.wanted}
+        batches = _schedule(job, plan, views, list(given_as))
     statistics = SkipStatistics()
     upscale: UpscaleViews | None = None
     if plan.model != NO_MODEL:
@@ -163,7 +167,8 @@ def _reconstruct(
     made = prefetch(make_views(views, batches), name="views")
     opening = open_session(plan, views=len(job.wanted))
     with closing(prefetch(upscale_batches(made, upscale, opening, clock, statistics), name="upscale")) as finished:
-        for wanted, pictures, used in finished:
+        for places, pictures, used in finished:
+            wanted = [given_as[place] for place in places]
             fallback += used.fallback * len(wanted) / len(job.wanted)
             is_averaged |= used.is_averaged
             is_restored |= used.is_restored
@@ -207,11 +212,11 @@ def _reconstruct(
     }
 
 
-def _schedule(job: Job, plan: Plan, views: ViewSource) -> list[Batch]:
-    """The batches of the job. Raises `TooLarge` where they are over its limits."""
+def _schedule(job: Job, plan: Plan, views: ViewSource, wanted: Sequence[View]) -> list[Batch]:
+    """The batches of the job, of its views as they are made. Raises `TooLarge` where they are over its limits."""
     check_size(job.lenses, plan.scale, count=len(job.wanted) * job.times, limit=job.max_pixels)
     size = batch_size(job.lenses[0] * job.lenses[1] * plan.scale**2)
-    batches = schedule_batches(job.wanted, _arrange(job, plan), size=size, is_light_field=plan.is_light_field)
+    batches = schedule_batches(wanted, _arrange(job, plan), size=size, is_light_field=plan.is_light_field)
     count = sum(len(batch.new) for batch in batches)
     neighbours = count - len(job.wanted)
     check_samples(views.samples, count * job.times, job.max_pixels, plan.strategy, neighbours=neighbours * job.times)
@@ -220,6 +225,8 @@ def _schedule(job: Job, plan: Plan, views: ViewSource) -> list[Batch]:
 
 def _arrange(job: Job, plan: Plan) -> Arrangement:
     """Which views lie around which; what the pictures show of it is looked at only where the model takes several."""
+    if plan.close_views is not None:
+        return Arrangement(plan.close_views.list_grid(job.grid))
     return job.arrangement if plan.is_light_field else Arrangement(job.grid)
 
 

@@ -6,15 +6,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ciir.models import catalogue, processor
-from ciir.models.light_field.views import list_required_views
 from ciir.models.light_field.windows import MINIMUM_GRID
 from ciir.service.pipeline.options import AUTO, NO_MODEL
-from ciir.service.pipeline.planning.prediction import predict_extra
+from ciir.service.pipeline.planning.prediction import count_rendered, predict_extra
+from ciir.service.pipeline.stages.close_views import find_close_views
 
 if TYPE_CHECKING:
     from ciir.models.catalogue import Entry
     from ciir.renderer.scene import Scene
     from ciir.service.pipeline.job import Job
+    from ciir.service.pipeline.stages.close_views import CloseViews
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,8 @@ class Selection:
     """A name of the catalogue, or `none`."""
     is_light_field: bool = False
     """Whether it takes a view with those around it."""
+    close_views: CloseViews | None = None
+    """Views of a mesh that help, closer to each other than those of the lens array."""
     reasons: tuple[str, ...] = ()
     """Sentences for the report."""
     note: str = ""
@@ -52,23 +55,31 @@ def select_model(job: Job) -> Selection:
     if reason := _no_light_field(job):
         replaced = f"{default}, view by view, in place of {job.model}, as {reason}"
         return Selection(default, reasons=(replaced,), note=replaced)
-    neighbours = _count_neighbours(job)
-    rendered = f"{job.model}: views around those asked for are rendered too, {neighbours} of them"
-    return Selection(job.model, True, (rendered,) if neighbours else (), _describe_wrong_order(job))
+    if job.mesh is None:
+        return Selection(job.model, True, note=_describe_wrong_order(job))
+    close_views, rendered = _find_close_views(job, job.mesh, networks[job.model], networks[default])
+    neighbours = count_rendered(job) - len(job.wanted)
+    if close_views is None and neighbours:
+        rendered = f": views around those asked for are rendered too, {neighbours} of them"
+    return Selection(job.model, True, close_views, (f"{job.model}{rendered}",) if rendered else ())
 
 
 def _select_automatically(job: Job, networks: dict[str, Entry]) -> Selection:
     """The model that `auto` takes, of the installed `networks` by name."""
     default, light_field = catalogue.default_name(), catalogue.light_field_default_name()
     reason, rendered = _reason_against(light_field, networks.get(light_field), job), ""
+    close_views = None
     if not reason and job.mesh is not None:
-        reason, rendered = _judge_neighbours(job, job.mesh, networks[light_field], networks[default])
+        compared = networks[light_field], networks[default]
+        close_views, rendered = _find_close_views(job, job.mesh, *compared)
+        if close_views is None:
+            reason, rendered = _judge_neighbours(job, job.mesh, *compared, None)
     if reason:
         precision = _describe_precision(networks[default])
         return Selection(default, reasons=(f"model auto: {default}, view by view, as {reason}{precision}",))
     precision = _describe_precision(networks[light_field])
     why = f"model auto: {light_field}, as {_views(job)} help each other{rendered}{precision}"
-    return Selection(light_field, True, (why,), _describe_wrong_order(job))
+    return Selection(light_field, True, close_views, (why,), _describe_wrong_order(job))
 
 
 def _describe_precision(network: Entry) -> str:
@@ -104,16 +115,24 @@ def _describe_wrong_order(job: Job) -> str:
     )
 
 
-def _count_neighbours(job: Job) -> int:
-    """How many views of a mesh would be rendered only to help those that are wanted."""
-    return len(set(list_required_views(job.wanted, job.grid)) - set(job.wanted)) if job.mesh is not None else 0
+def _find_close_views(job: Job, mesh: Scene, light_field: Entry, single: Entry) -> tuple[CloseViews | None, str]:
+    """The close views of `mesh` that help, and what they cost; None where the array's own are close enough, or where
+    they are too many.
+    """
+    found = find_close_views(mesh, job.array, job.placement)
+    if found is None:
+        return None, ""
+    against, rendered = _judge_neighbours(job, mesh, light_field, single, found)
+    return (None, "") if against else (found, rendered)
 
 
-def _judge_neighbours(job: Job, mesh: Scene, light_field: Entry, single: Entry) -> tuple[str, str]:
+def _judge_neighbours(
+    job: Job, mesh: Scene, light_field: Entry, single: Entry, close_views: CloseViews | None
+) -> tuple[str, str]:
     """Why the views around those of `mesh` that are wanted are not rendered for `light_field`, empty where they are;
     and what that costs, empty where there are none.
     """
-    neighbours = _count_neighbours(job)
+    neighbours = count_rendered(job, close_views) - len(job.wanted)
     if not neighbours:
         return "", ""
     if over := _count_excess(job, neighbours):
@@ -121,11 +140,12 @@ def _judge_neighbours(job: Job, mesh: Scene, light_field: Entry, single: Entry) 
     bound = 1000 * job.neighbour_time
     if not bound:
         return f"{light_field.name} would need {neighbours} more views rendered, and neighbour_time 0 allows none", ""
-    extra = predict_extra(job, mesh, light_field, single, bound=bound)
+    extra = predict_extra(job, mesh, light_field, single, close_views, bound=bound)
     times = f"about {extra:.0f} ms more than {single.name} alone, and neighbour_time allows {bound:.0f} ms"
     if extra > bound:
         return f"{light_field.name} would need {neighbours} more views rendered around those asked for: {times}", ""
-    return "", f"; {neighbours} more are rendered around those asked for: {times}"
+    close = f", {close_views.division} times as close as the lens array's," if close_views else ""
+    return "", f"; {neighbours} more{close} are rendered around those asked for: {times}"
 
 
 def _count_excess(job: Job, neighbours: int) -> int:

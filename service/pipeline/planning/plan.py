@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ciir.models.catalogue import Entry
     from ciir.service.pipeline.job import Job
     from ciir.service.pipeline.limits import Strategy
+    from ciir.service.pipeline.stages.close_views import CloseViews
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,8 @@ class Plan:
     """Whether upscaled views are brought closer to the means that lenslets saw (`models.back_projection`)."""
     finds_sampling: bool = False
     """Whether a light-field network's views may be filtered or means (`models.light_field.sampling`)."""
+    close_views: CloseViews | None = None
+    """The views of a mesh that help a light-field network; None where they are those of the lens array."""
     notes: tuple[str, ...] = ()
     """What the user should know: of the model that was selected, and of an option that changes nothing."""
 
@@ -83,6 +86,7 @@ def make_plan(job: Job) -> Plan:
         selected.is_light_field,
         restores_means,
         selected.is_light_field and job.mesh is None and job.sampling != "lenslet",
+        selected.close_views,
         tuple(notes),
     )
 
@@ -109,7 +113,8 @@ def _select_strategy(job: Job) -> tuple[Strategy, str]:
         return "upscale", "no model is wanted, so nothing is upscaled"
     if mesh is None:
         return "upscale", "the input holds pictures, so views are upscaled"
-    name = select_model(job).model
+    selected = select_model(job)
+    name = selected.model
     model = next(entry for entry in catalogue.list_entries() if entry.name == name)
     pixels = job.array.rows * job.array.cols
     rays: dict[Strategy, int] = {
@@ -125,7 +130,7 @@ def _select_strategy(job: Job) -> tuple[Strategy, str]:
         return "direct", f"direct, as {name} doesn't upscale by {job.scale}"
     if model.unsupported_reason:
         return "direct", f"direct, as {model.unsupported_reason}"
-    predicted = predict_times(job, mesh, model, rays)
+    predicted = predict_times(job, mesh, model, rays, selected.close_views)
     taken = min(predicted, key=predicted.__getitem__)
     backend = backends.predict_backend(
         job.backend, triangles=mesh.triangles, rays=rays[taken], is_see_through=mesh.is_see_through
@@ -133,7 +138,7 @@ def _select_strategy(job: Job) -> tuple[Strategy, str]:
     if backend == "raster" and not backends.is_backend_open("raster"):
         with suppress(BackendUnavailable):  # `predict_backend` then takes rays
             backends.open_backend("raster")
-        predicted = predict_times(job, mesh, model, rays)
+        predicted = predict_times(job, mesh, model, rays, selected.close_views)
         taken = min(predicted, key=predicted.__getitem__)
     names = {"upscale": f"upscale by {name}", "direct": "direct"}
     (other,) = predicted.keys() - {taken}

@@ -10,6 +10,7 @@ from ciir.service.pipeline.job import resolve_job
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.planning import model_selection
 from ciir.service.pipeline.planning.model_selection import select_model
+from ciir.service.pipeline.stages.close_views import CloseViews
 from tests.support.light_fields import make_views, put_in
 from tests.support.pipeline import make_light_field_job, make_mesh_job
 
@@ -70,6 +71,17 @@ def extra(monkeypatch):
     return put
 
 
+@pytest.fixture(autouse=True)
+def close_views(monkeypatch):
+    """Sets the views of a mesh that help, at first those of the lens array."""
+
+    def put(found):
+        monkeypatch.setattr(model_selection, "find_close_views", lambda *_: found)
+
+    put(None)
+    return put
+
+
 @pytest.mark.parametrize("sampling", ["pinhole", "lenslet"])
 def test_auto_renders_the_views_around_those_of_a_mesh(stand_in, extra, sampling):
     extra(82.4)
@@ -121,6 +133,29 @@ def test_a_light_field_network_that_is_named_has_the_views_around_rendered(stand
     assert (choice.model, choice.is_light_field) == (LIGHT_FIELD_DEFAULT, True)
     assert "18 of them" in choice.reasons[0]
     assert mesh(LIGHT_FIELD_DEFAULT).reasons == pictures(LIGHT_FIELD_DEFAULT).reasons == ()
+
+
+@pytest.mark.parametrize("model", ["auto", LIGHT_FIELD_DEFAULT])
+def test_close_views_are_rendered_where_that_takes_no_longer_than_the_neighbour_time(
+    stand_in, extra, close_views, model
+):
+    close_views(CloseViews(3))
+    extra(700.0)
+    choice = mesh(model, wanted=[(0, 0), (3, 4)])
+    assert choice.close_views == CloseViews(3)
+    assert "48 more, 3 times as close as the lens array's, are rendered around those asked for: " in choice.reasons[0]
+    assert mesh(model, wanted=[(0, 0)], neighbour_time=0.6).close_views is None
+    assert mesh(model, neighbour_time=0.0).close_views is None
+    assert mesh(model, neighbour_time=0.0).is_light_field  # all are wanted, and help each other
+    assert pictures(model).close_views is None
+
+
+def test_close_views_keep_to_the_limit_on_samples(stand_in, extra, close_views):
+    close_views(CloseViews(2))
+    extra(0.0)
+    limit = {"lenses": (10, 10), "max_pixels": 10_000}  # the 4x5 views alone are 2,000
+    assert (mesh(**limit).is_light_field, mesh(**limit).close_views) == (True, None)
+    assert mesh(**limit | {"max_pixels": 100_000}).close_views == CloseViews(2)
 
 
 def test_other_models_are_taken_at_their_word(stand_in):
