@@ -56,6 +56,13 @@ def check_content_type(content_type: str | None) -> None:
         raise UnsupportedType(f"{given}; send multipart/form-data with the part {FILE!r}")
 
 
+def check_query(names: Iterable[str]) -> None:
+    """Raises `InvalidOption` where the URL has a query, whose parameters are called `names`."""
+    if found := sorted(set(names)):
+        listed = ", ".join(repr(clean_text(name)[:40]) for name in found[:5])
+        raise InvalidOption(f"{listed}: in the URL's query, which is not read; send each as a field of the form")
+
+
 def parse_form(parts: Iterable[tuple[str, UploadFile | str]], kind: Kind) -> Upload:
     """Parses the parts of a job's form.
 

@@ -127,6 +127,13 @@ def test_a_shipped_scene_takes_the_place_of_the_file(own):
     assert own.pool.runs == 2
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_options_in_the_query_are_refused(client, eia, kind):
+    sent = client.post(f"{results.find_root(kind)}?model=none&lenses=10x10&model=", files={"file": ("a.png", eia)})
+    detail = check_problem(sent, 422, "'lenses', 'model': in the URL's query", "send each as a field of the form")
+    assert "/" not in detail
+
+
 def test_bad_forms(client, eia):
     problem, send = check_problem, post_file
     problem(send(client, data=eia, lens="6x9"), 422, "'lens'", "lenses")
