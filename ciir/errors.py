@@ -124,6 +124,10 @@ class QueueFull(JobError):  # noqa: N818
         self.retry_after = retry_after
         """Whole seconds, an estimate."""
 
+    def __reduce__(self) -> tuple[type[QueueFull], tuple[int]]:
+        """For pickle, which would give the message in place of the seconds."""
+        return type(self), (self.retry_after,)
+
 
 class QueueUnavailable(JobError):  # noqa: N818
     """The queue can't be reached, or its disk is full: HTTP's 503."""

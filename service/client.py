@@ -125,7 +125,7 @@ class Client(httpx2.Client):
     def _post(
         self, kind: KindName, source: str | Path, options: Mapping[str, object], headers: Mapping[str, str]
     ) -> httpx2.Response:
-        fields = messages.write_fields(options)
+        fields = messages.write_fields(kind, options)
         field, name, file = messages.open_source(Path(source))
         with file:
             return self.post(f"/v1/{KINDS[kind].plural}", files={field: (name, file)}, data=fields, headers=headers)
@@ -209,7 +209,7 @@ class AsyncClient(httpx2.AsyncClient):
     async def _post(
         self, kind: KindName, source: str | Path, options: Mapping[str, object], headers: Mapping[str, str]
     ) -> httpx2.Response:
-        fields = messages.write_fields(options)
+        fields = messages.write_fields(kind, options)
         field, name, file = await to_thread.run_sync(messages.open_source, Path(source))
         with file:
             return await self.post(

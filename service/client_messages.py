@@ -7,9 +7,10 @@ import json
 import re
 import tempfile
 import zipfile
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, TypeVar
 
 from ciir.errors import (
     ConnectionFailed,
@@ -28,13 +29,14 @@ from ciir.service.errors import find_class
 from ciir.service.pipeline.options import FILE_TYPES, KINDS, write_texts
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     import httpx2
     from httpx2 import ServerSentEvent
 
     from ciir.service.pipeline.options import KindName
 
+T = TypeVar("T")
 FINAL = frozenset({"done", "failed", "cancelled"})
 PAUSE_SECONDS = 1.0
 """Before a request is repeated, if the server names no time, and before a stream of events is opened again."""
@@ -117,9 +119,11 @@ class Cursor:
         """The event as one of the job; None for one that only sets `retry`."""
         if not event.data:
             return None
+        with _refuse_foreign("event stream"):
+            found = Event(int(event.id), event.event, _check(json.loads(event.data), dict))
         self._last, self._failures = event.id, 0
         self.is_at_end = event.event in FINAL
-        return Event(int(event.id), event.event, json.loads(event.data))
+        return found
 
     def fail(self, url: httpx2.URL, error: Exception) -> None:
         """Counts a broken connection, and raises `ConnectionFailed` for one too many."""
@@ -133,12 +137,15 @@ def make_key(api_key: str | None) -> dict[str, str]:
     return {} if api_key is None else {"Authorization": f"Bearer {api_key}"}
 
 
-def write_fields(options: Mapping[str, object]) -> dict[str, str]:
-    """Form fields. Raises `InvalidOption`, and `Unreadable` for an option's file."""
+def write_fields(kind: KindName, options: Mapping[str, object]) -> dict[str, str]:
+    """Form fields. Raises `InvalidOption`, also for an option that the kind of job hasn't, and `Unreadable` for an
+    option's file.
+    """
+    known = KINDS[kind].options
     form = options.get("format")
     rest = {name: value for name, value in options.items() if name != "format"}
-    texts = {name: read_text(Path(str(rest[name]))) for name in TEXT_FILES if name in rest}
-    return write_texts(rest | texts) | ({} if form is None else {"format": str(form)})
+    texts = {name: read_text(Path(str(rest[name]))) for name in TEXT_FILES if name in rest and name in known}
+    return write_texts(rest | texts, known) | ({} if form is None else {"format": str(form)})
 
 
 def open_source(path: Path) -> tuple[str, str | None, IO[bytes]]:
@@ -184,13 +191,32 @@ def _read_retry_after(response: httpx2.Response) -> int | None:
 def make_error(response: httpx2.Response) -> Error:
     """The error that a response without success reports."""
     status = response.status_code
+    what = f"{status} {response.reason_phrase}"
     if not response.headers.get("content-type", "").startswith("application/problem+json"):
-        return ServiceError(f"{status} {response.reason_phrase}: {_FOREIGN}")
-    problem = response.json()
-    kind = find_class(problem["title"]) or _BY_STATUS.get(status)
+        return ServiceError(f"{what}: {_FOREIGN}")
+    with _refuse_foreign(what):
+        problem = response.json()
+        title, detail = _check(problem["title"], str), _check(problem["detail"], str)
+    kind = find_class(title) or _BY_STATUS.get(status)
     if kind is None:
-        return ServiceError(f"{status} {problem['title']}: {problem['detail']}")
-    return QueueFull(_read_retry_after(response) or 1) if kind is QueueFull else kind(problem["detail"])
+        return ServiceError(f"{status} {title}: {detail}")
+    return QueueFull(_read_retry_after(response) or 1) if kind is QueueFull else kind(detail)
+
+
+@contextmanager
+def _refuse_foreign(what: object) -> Iterator[None]:
+    """Raises `ServiceError` in place of the errors of reading what no ciir server sends; `what` begins the message."""
+    try:
+        yield
+    except (LookupError, TypeError, ValueError, RecursionError) as error:
+        raise ServiceError(f"{what}: {_FOREIGN}") from error
+
+
+def _check(value: Any, kind: type[T]) -> T:
+    """`value`, which must be of that type. Raises `TypeError`."""
+    if not isinstance(value, kind):
+        raise TypeError(f"{type(value).__name__} in place of {kind.__name__}")
+    return value
 
 
 def make_connection_error(url: httpx2.URL, error: Exception) -> ConnectionFailed:
@@ -202,28 +228,26 @@ def make_connection_error(url: httpx2.URL, error: Exception) -> ConnectionFailed
 
 
 def read_status(response: httpx2.Response) -> dict[str, Any]:
-    """The job's status that a response holds. Raises `ServiceError` for anything else, as `read_models` does."""
-    status: dict[str, Any] = _read_json(response)
-    return status
+    """The job's status that a response holds. Raises `ServiceError` for anything else, as all that follow do."""
+    with _refuse_foreign(response.status_code):
+        status: dict[str, Any] = _check(response.json(), dict)
+        _check(status["events"], str)
+        return status
 
 
 def read_models(response: httpx2.Response) -> list[dict[str, Any]]:
     """The list of models that a response holds."""
-    models: list[dict[str, Any]] = _read_json(response)
-    return models
-
-
-def _read_json(response: httpx2.Response) -> Any:
-    try:
-        return response.json()
-    except ValueError as error:
-        raise ServiceError(f"{response.status_code}: {_FOREIGN}") from error
+    with _refuse_foreign(response.status_code):
+        return [_check(model, dict) for model in _check(response.json(), list)]
 
 
 def read_path(response: httpx2.Response) -> str:
     """The path of the job whose status a response holds."""
-    path: str = read_status(response)["events"]
-    return path.removesuffix("/events")
+    events: str = read_status(response)["events"]
+    found = re.fullmatch(r"(/v1/[a-z]+/[0-9a-f]{32})/events", events)
+    if found is None:
+        raise ServiceError(f"{response.status_code}: {_FOREIGN}")
+    return found[1]
 
 
 def make_path(id_: str, kind: KindName) -> str:
@@ -235,16 +259,18 @@ def make_path(id_: str, kind: KindName) -> str:
 
 def read_inspection(result: Result) -> dict[str, Any]:
     """What an inspection found."""
-    found: dict[str, Any] = json.loads(result.content)
-    return found
+    with _refuse_foreign("inspection"):
+        found: dict[str, Any] = _check(json.loads(result.content), dict)
+        return found
 
 
 def read_result(response: httpx2.Response) -> Result:
     """The result that a response holds."""
-    parts = [part.split(";dur=") for part in response.headers.get("server-timing", "").split(", ") if part]
-    file = Path(response.headers["content-disposition"].rstrip('"').rpartition('"')[2])
-    timings = {stage: float(ms) for stage, ms in parts}
-    format_ = next(name for name, file_type in FILE_TYPES.items() if file_type.suffix == file.suffix)
-    id_ = response.headers["etag"].removeprefix("W/").strip('"')
-    notes = tuple(json.loads(response.headers.get("x-notes", "[]")))
-    return Result(id_, response.content, format_, timings, file.name, notes)
+    with _refuse_foreign(response.status_code):
+        parts = [part.split(";dur=") for part in response.headers.get("server-timing", "").split(", ") if part]
+        file = Path(response.headers["content-disposition"].rstrip('"').rpartition('"')[2])
+        timings = {stage: float(ms) for stage, ms in parts}
+        formats = {kind.suffix: name for name, kind in reversed(FILE_TYPES.items())}  # of several the first one
+        id_ = response.headers["etag"].removeprefix("W/").strip('"')
+        notes = tuple(_check(json.loads(response.headers.get("x-notes", "[]")), list))
+        return Result(id_, response.content, formats[file.suffix], timings, file.name, notes)

@@ -100,6 +100,14 @@ class Folder(Mapping[str, bytes]):
             raise KeyError(key)
         return read_file(path, self._limits)
 
+    def read_start(self, key: str, length: int) -> bytes:
+        """As `picture_sizes.StartReader.read_start`."""
+        path = self._find(key)
+        if path is None or key in self._known:
+            return self[key][:length]
+        with _named_file_errors(path), path.open("rb") as file:
+            return file.read(length)
+
     def __contains__(self, key: object) -> bool:
         return isinstance(key, str) and (key in self._known or self._find(key) is not None)
 
@@ -167,6 +175,12 @@ class Archive(Mapping[str, bytes]):
         with self._lock, _named_zip_errors(self._name):
             return _check_member(self._name, key, self._zip.read(member))
 
+    def read_start(self, key: str, length: int) -> bytes:
+        """As `picture_sizes.StartReader.read_start`."""
+        member = self._members[key]
+        with self._lock, _named_zip_errors(self._name), self._zip.open(member) as file:
+            return file.read(length)
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._members)
 
@@ -186,13 +200,20 @@ def _is_zip(path: Path) -> bool:
 
 def read_file(path: Path, limits: Limits) -> bytes:
     """The bytes of `path`. Raises `Unreadable` or `TooLarge` in place of the system's errors."""
-    try:
+    with _named_file_errors(path):
         size = path.stat().st_size
         if size > limits.bytes:
             raise TooLarge(_describe_size(str(path), size, limits), "bytes")
         if not path.is_file():
             raise Unreadable(f"{clean_text(str(path))}: not a file; give a mesh, a picture, a zip or a folder")
         return path.read_bytes()
+
+
+@contextmanager
+def _named_file_errors(path: Path) -> Iterator[None]:
+    """Raises `Unreadable` in place of the system's errors."""
+    try:
+        yield
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         if isinstance(error, (TooLarge, Unreadable)):
             raise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import posixpath
 import re
+from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
@@ -24,6 +25,11 @@ def clean_text(text: str) -> str:
     """`text` fit for one line of a message: control characters replaced, at most 80 characters."""
     clean = "".join(c if c.isprintable() else "?" for c in text)
     return clean if len(clean) <= 80 else f"{clean[:38]}...{clean[-39:]}"
+
+
+def is_eslf(name: str) -> bool:
+    """Whether the name of a PNG makes it Lytro's ESLF: `..._eslf.png`."""
+    return PurePosixPath(name.lower()).stem.endswith("eslf")
 
 
 def is_hidden(key: str) -> bool:

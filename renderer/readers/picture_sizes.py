@@ -4,20 +4,44 @@ from __future__ import annotations
 
 import struct
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from ciir.renderer.readers.registry import PictureFormat, find_by_signature
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
 Size = tuple[int, int]
 """Height and width, as stored."""
+START_BYTES = 1 << 16
+"""Of a file, to find the size: a JPEG's may stand behind metadata and a colour profile."""
 _FRAME_HEADERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 START_OF_SCAN = 0xDA
 _WIDTH, _LENGTH = 256, 257
 _INTEGERS = {1: "B", 3: "H", 4: "I", 16: "Q"}
 """Of a TIFF tag, by its type."""
+
+
+@runtime_checkable
+class StartReader(Protocol):
+    """Files whose start can be read without the rest."""
+
+    def read_start(self, key: str, length: int) -> bytes | None:
+        """The first bytes of a file, or all of a shorter one; None where all of it would have to be read."""
+
+
+def read_start(files: Mapping[str, bytes], key: str, length: int) -> bytes | None:
+    """As `StartReader.read_start`, of any files of a bundle."""
+    if isinstance(files, StartReader):
+        return files.read_start(key, length)
+    return files[key][:length] if isinstance(files, dict) else None
+
+
+def find_size(files: Mapping[str, bytes], key: str) -> Size | None:
+    """The size of a picture by its first `START_BYTES`; None where these don't state it, or can't be read alone."""
+    start = read_start(files, key, START_BYTES)
+    entry = None if start is None else find_format(start)
+    return None if start is None or entry is None else read_size(entry, start)
 
 
 def find_format(start: bytes) -> PictureFormat | None:

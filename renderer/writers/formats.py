@@ -13,6 +13,7 @@ from typing import IO, TYPE_CHECKING, Any
 from ciir.errors import InvalidOption
 from ciir.renderer.displays.pictures import USES, find_kind
 from ciir.renderer.displays.quilt import parse_name
+from ciir.renderer.readers.names import is_eslf
 from ciir.renderer.writers import pictures
 from ciir.renderer.writers.archives import NpzWriter, ZipWriter
 from ciir.renderer.writers.html import HtmlWriter
@@ -169,8 +170,7 @@ def find_implied(path: PurePath, options: WriterOptions) -> str | None:
     """Where no format is given: epi where its line is, eslf where the file's name makes readers take it for one."""
     if options.epi:
         return "epi"
-    is_named = path.suffix.lower() == ".png" and path.stem.lower().endswith("eslf")
-    return "eslf" if is_named else None
+    return "eslf" if path.suffix.lower() == ".png" and is_eslf(path.name) else None
 
 
 FOLDER = "folder"

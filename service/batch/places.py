@@ -212,6 +212,12 @@ class Outputs:
             with suppress(FileNotFoundError):
                 self._filesystem.rm_file(self._path(name))
 
+    def remove_empty_folder(self, name: str) -> None:
+        """Removes a local folder that holds nothing; a store has none."""
+        if self._is_local:
+            with suppress(OSError):  # it is a file, is not there, or holds something
+                Path(self._path(name)).rmdir()
+
     def remove_folder(self, name: str) -> None:
         """Removes a folder, if there is one."""
         if self._filesystem.exists(self._path(name)):

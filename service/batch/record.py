@@ -54,9 +54,10 @@ class Record:
         return matches(self._kept["trace"], files) and all(map(self._outputs.exists, self._kept["files"]))
 
     def remove(self) -> None:
-        """Removes the record, and the files of the earlier output, if there are any."""
+        """Removes the record, and the files of the earlier output with their folder, if there are any."""
         if self._kept:
             self._outputs.remove([self._name, *self._kept["files"]])
+            self._outputs.remove_empty_folder(self._out)
             self._kept = {}
 
     def is_of(self, run: str) -> bool:

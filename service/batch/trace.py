@@ -7,6 +7,7 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from ciir.renderer.readers.picture_sizes import read_start
 from ciir.service.jobs.identity import hash_installation
 
 if TYPE_CHECKING:
@@ -36,6 +37,10 @@ class TracedFiles(Mapping[str, bytes]):
         if key not in self._read:
             self._read[key] = _hash(data)
         return data
+
+    def read_start(self, key: str, length: int) -> bytes | None:
+        """As `picture_sizes.StartReader.read_start`; not recorded, as it only decides whether the input is refused."""
+        return read_start(self._files, key, length)
 
     def __contains__(self, key: object) -> bool:
         found = key in self._files

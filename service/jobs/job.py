@@ -23,7 +23,8 @@ class Request:
     """A client's request without the file."""
 
     name: str
-    """`upload` and the suffix of the client's file name: `upload.glb`; or `scene:NAME`, whose file is empty."""
+    """`upload` and the suffix of the client's file name, `upload.glb`, before it what makes a picture a quilt or ESLF,
+    `upload_qs8x6a0.75.png`; or `scene:NAME`, whose file is empty."""
     options: dict[str, str]
     """Option texts by the names of `service.pipeline.options.NAMES`, already parsed once and so in range."""
     format: str | None

@@ -11,6 +11,8 @@ from functools import cache
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
+from ciir.renderer.readers.picture_sizes import read_start
+
 if TYPE_CHECKING:
     from ciir.service.pipeline.job import Job
 
@@ -67,6 +69,10 @@ class CountedFiles(Mapping[str, bytes]):
         data = self._files[key]
         self.sizes[key] = len(data)
         return data
+
+    def read_start(self, key: str, length: int) -> bytes | None:
+        """As `picture_sizes.StartReader.read_start`; not counted."""
+        return read_start(self._files, key, length)
 
     def __contains__(self, key: object) -> bool:
         return key in self._files

@@ -70,6 +70,69 @@ def test_a_response_of_another_server():
         client.models()
 
 
+PROBLEM = {"content-type": "application/problem+json"}
+HEADERS = {"content-disposition": 'attachment; filename="1.png"', "etag": '"1"'}
+FOREIGN = {
+    "a web page": (200, {"html": "<html>"}),
+    "another file": (200, {"headers": HEADERS | {"content-disposition": 'attachment; filename="1.exe"'}}),
+    "no id": (200, {"headers": {"content-disposition": 'attachment; filename="1.png"'}}),
+    "other times": (200, {"headers": HEADERS | {"server-timing": "cache;desc=hit"}}),
+    "other notes": (200, {"headers": HEADERS | {"x-notes": "1"}}),
+    "an object": (202, {"json": {}}),
+    "a list": (202, {"json": []}),
+    "a job elsewhere": (202, {"json": {"events": f"http://other{JOB}/events"}}),
+    "text": (202, {"text": "ok"}),
+    "a broken problem": (500, {"headers": PROBLEM, "text": "{"}),
+    "a problem without a title": (404, {"headers": PROBLEM, "text": "{}"}),
+    "a problem that is a list": (404, {"headers": PROBLEM, "text": "[]"}),
+    "a redirection": (302, {"headers": {"location": "/login"}}),
+}
+
+
+@pytest.mark.parametrize(("status", "content"), FOREIGN.values(), ids=FOREIGN)
+@pytest.mark.parametrize("transport", [Client, AsyncClient])
+@pytest.mark.parametrize("name", ["reconstruct", "inspect", "submit", "models"])
+def test_whatever_another_server_answers_is_a_service_error(status, content, transport, name):
+    if name == "models" and content == {"json": []}:
+        return  # no model at all
+
+    def respond(request):
+        return httpx2.Response(status, **content)
+
+    async def ask():
+        client = transport("http://server", transport=httpx2.MockTransport(respond), retries=0)
+        found = getattr(client, name)(*([] if name == "models" else ["scene:vase"]))
+        return await found if transport is AsyncClient else found
+
+    with pytest.raises(ServiceError, match="not from a ciir server; check the URL"):
+        asyncio.run(ask())
+
+
+@pytest.mark.parametrize("sent", [[], {}, {"events": 1}, "done", None])
+def test_a_status_of_another_server(sent):
+    for act in ("status", "cancel"):
+        client, _ = make_client(httpx2.Response(200, json=sent))
+        with pytest.raises(ServiceError, match=r"^200: the response is not from a ciir server"):
+            getattr(client.job("0" * 32), act)()
+
+
+@pytest.mark.parametrize("lines", ["event: done\ndata: {}\n\n", "id: 0\ndata: [\n\n", "id: 0\ndata: 1\n\n"])
+def test_events_of_another_server(lines):
+    client, _ = make_client(httpx2.Response(200, headers={"content-type": "text/event-stream"}, text=lines))
+    with pytest.raises(ServiceError, match=r"^event stream: the response is not from a ciir server"):
+        list(client.job("0" * 32).events())
+
+
+def test_options_of_other_operations_are_refused_before_anything_is_sent():
+    client, requests = make_client()
+    with pytest.raises(errors.InvalidOption, match="'foo': no such option; known are ") as caught:
+        client.upscale("a.png", foo=1)
+    assert str(caught.value).endswith("known are model, scale, skip")
+    with pytest.raises(errors.InvalidOption, match="'calibration', 'stack': no such option"):
+        client.reconstruct("a.png", stack="-1:0:9", calibration="missing.json")
+    assert requests == []
+
+
 @pytest.mark.parametrize(
     ("status", "title", "kind"), [(429, "Queue full", QueueFull), (503, "Not ready", errors.NotReady)]
 )

@@ -7,13 +7,12 @@ Toolbox). u grows to the right, as with cameras.
 
 from __future__ import annotations
 
-from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from ciir.renderer.light_field import LightField
-from ciir.renderer.readers import pictures
+from ciir.renderer.readers import names, pictures
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -39,7 +38,7 @@ def is_eslf(name: str, data: bytes) -> bool:
     """Whether a PNG is named `..._eslf.png`, or has the size of the Illum's."""
     height, width = int.from_bytes(data[20:24], "big"), int.from_bytes(data[16:20], "big")
     is_of_size = height // PIXELS[0] in LENSES[0] and width // PIXELS[1] in LENSES[1]
-    return PurePosixPath(name.lower()).stem.endswith("eslf") or is_of_size
+    return names.is_eslf(name) or is_of_size
 
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:

@@ -28,8 +28,13 @@ def describe_missing(periods: Periods, picture: Pixels, arrangement: Arrangement
     if mosaic and arrangement == "mosaic":
         return mosaic
     if mosaic:
-        view = "{}x{}".format(*periods.rank_sizes()[0])
-        return f"{mosaic}; if it is an elemental image array, give arrangement eia and pixels {view}"
+        view = periods.rank_sizes()[0]
+        grid = periods.size[0] // view[0], periods.size[1] // view[1]
+        own = "{}x{}".format(*view)
+        return (
+            f"{mosaic}; if it is an elemental image array, give arrangement eia and pixels {own}"
+            f"{advise_quilt(view, grid)}"
+        )
     if arrangement == "mosaic":
         seen = _describe_period(periods, arrangement)
         return f"a mosaic is read by its rows and columns of views; give them, as in pixels 9x9{seen}"

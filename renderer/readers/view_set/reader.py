@@ -28,7 +28,7 @@ from ciir.renderer.readers.view_set.order import (
     reorient,
     unwind,
 )
-from ciir.renderer.readers.view_set.view_files import Decoder, ViewFiles
+from ciir.renderer.readers.view_set.view_files import Decoder, ViewFiles, check_sizes
 from ciir.renderer.view_order.estimate import estimate_order
 from ciir.renderer.views import DepthSense, center_view, parse_views
 
@@ -74,6 +74,7 @@ def read(
     if len(names) > limits.views:
         raise TooLarge(f"{name}: {len(names):,} pictures; at most {limits.views:,} views are read; give fewer", "views")
     grids = find_grids(names, name, shape=layout.pixels, first=_FIRST.get(layout.order))
+    check_sizes(files, [file for row in grids[0].files for file in row], name)
     own = _read_own_depth_sense(files, names)
     decoder = Decoder(files, name, limits)
     found = [_make_views(grid, decoder, views, own) for grid in grids]

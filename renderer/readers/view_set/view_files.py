@@ -13,6 +13,7 @@ from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures
 from ciir.renderer.readers.names import clean_text
+from ciir.renderer.readers.picture_sizes import find_size
 from ciir.renderer.views import flip_axes
 
 if TYPE_CHECKING:
@@ -73,6 +74,24 @@ class Decoder:
                 f"{count * pixels.nbytes:,} bytes; at most {self._limits.set_bytes:,} are read; give fewer views or "
                 "smaller ones",
                 "set_bytes",
+            )
+
+
+def check_sizes(files: Mapping[str, bytes], views: Sequence[str], name: str) -> None:
+    """Raises `Unreadable` where the headers of `views` state different sizes, before any of them is decoded.
+
+    Height and width may be exchanged, since a picture may be turned when it is decoded.
+    """
+    first = None
+    for file in views:
+        size = find_size(files, file)
+        if size is None:
+            continue
+        first = first or (file, size)
+        if sorted(size) != sorted(first[1]):
+            raise Unreadable(
+                f"{name}: {clean_text(file)} is {size[0]}x{size[1]} pixels but {clean_text(first[0])} is "
+                f"{first[1][0]}x{first[1][1]} pixels; make all views alike"
             )
 
 

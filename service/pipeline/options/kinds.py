@@ -88,6 +88,11 @@ class Kind:
         """Whether a shipped scene may take the file's place, as any mesh may."""
         return not set(self.options).isdisjoint(MESH)
 
+    @property
+    def takes_light_fields(self) -> bool:
+        """Whether the file may be a light field, in one picture too."""
+        return "arrangement" in self.options
+
     def parse(self, texts: Mapping[str, str]) -> Options:
         """The options in `texts`, with the defaults of this kind. Raises `InvalidOption`, also for those that don't go
         together."""

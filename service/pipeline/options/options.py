@@ -54,9 +54,11 @@ class Options(WritingOptions, MeshOptions, UpscalingOptions, LensletOptions, Rea
         return {name: getattr(self, name) for name in names}
 
 
-def write_texts(given: Mapping[str, object]) -> dict[str, str]:
-    """The options in `given`, as `Options.convert` takes them, as text for form fields. Raises `InvalidOption`."""
-    return {name: OPTIONS[name].type.write(value) for name, value in _parse(given, NAMES).items()}
+def write_texts(given: Mapping[str, object], names: Sequence[str] = NAMES) -> dict[str, str]:
+    """The options in `given`, as `Options.convert` takes them, as text for form fields. Raises `InvalidOption`, also
+    for one that is not among `names`.
+    """
+    return {name: OPTIONS[name].type.write(value) for name, value in _parse(given, names).items()}
 
 
 def describe(name: str) -> dict[str, Any]:

@@ -63,6 +63,7 @@ async def create_job(request: Request, kind: FoundKind, state: State) -> Respons
     """Waits for the result up to CIIR_SYNC_SECONDS, or as `Prefer` asks for; then the answer is 202."""
     start = time.perf_counter()
     state.engine.check_accepting()
+    upload.check_query(request.query_params)
     upload.check_content_type(request.headers.get("content-type"))
     form = await multipart.read_form(request)
     try:

@@ -81,7 +81,7 @@ class _Status(TypedDict):  # pydantic inherits no descriptions from docstrings
     state: State
     created: Annotated[str, Field(json_schema_extra={"format": "date-time"})]
     attempts: Annotated[int, Field(ge=0, description="How often it was started.")]
-    input: Annotated[str, Field(description="`upload` and the suffix of the file's name, or `scene:NAME`.")]
+    input: Annotated[str, Field(description="`upload` and what of the file's name is used, or `scene:NAME`.")]
     options: Annotated[dict[str, str], Field(description="As they were sent.")]
     format: Annotated[str | None, Field(description="As requested; once the job is done, that of the result.")]
     events: Annotated[str, Field(description="Path of its server-sent events.")]

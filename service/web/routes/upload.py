@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, BinaryIO, NamedTuple
 from starlette.datastructures import UploadFile
 
 from ciir.errors import InvalidOption, UnsupportedType
-from ciir.renderer.readers.names import clean_text
+from ciir.renderer.displays.quilt import parse_name
+from ciir.renderer.readers.names import clean_text, is_eslf
+from ciir.renderer.readers.registry import is_picture
 from ciir.renderer.scenes import SCENES
 from ciir.renderer.writers.options import MOST_TEXT, TEXT_FILES, decode_text
 from ciir.service.jobs.job import Request
@@ -52,6 +54,13 @@ def check_content_type(content_type: str | None) -> None:
     if kind != "multipart/form-data":
         given = f"the body's type is {kind[:60]!r}" if kind else "the body has no type"
         raise UnsupportedType(f"{given}; send multipart/form-data with the part {FILE!r}")
+
+
+def check_query(names: Iterable[str]) -> None:
+    """Raises `InvalidOption` where the URL has a query, whose parameters are called `names`."""
+    if found := sorted(set(names)):
+        listed = ", ".join(repr(clean_text(name)[:40]) for name in found[:5])
+        raise InvalidOption(f"{listed}: in the URL's query, which is not read; send each as a field of the form")
 
 
 def parse_form(parts: Iterable[tuple[str, UploadFile | str]], kind: Kind) -> Upload:
@@ -113,9 +122,19 @@ def _find_input(upload: UploadFile | None, scene: str | None, kind: Kind) -> _In
     if upload is None:
         either = f", or a shipped scene as {SCENE!r}" if kind.takes_scenes else ""
         raise InvalidOption(f"{FILE}: missing; send {kind.takes} as the part {FILE!r}{either}")
-    return _Input("upload" + _find_suffix(upload.filename or ""), upload.file, upload.size or 0)
+    return _Input(_make_name(upload.filename or "", kind), upload.file, upload.size or 0)
 
 
-def _find_suffix(name: str) -> str:
-    suffix = PurePosixPath(name.replace("\\", "/")).suffix.lower()
-    return suffix if re.fullmatch(r"\.[a-z0-9]{1,8}", suffix) else ""
+def _make_name(given: str, kind: Kind) -> str:
+    """`upload` and what of the given name is used: the suffix, and in the name of a picture of a light field what makes
+    readers take it for a quilt or for ESLF. Raises `InvalidOption` where the layout of a quilt is out of range.
+    """
+    path = PurePosixPath(given.replace("\\", "/"))
+    suffix = path.suffix.lower()
+    if re.fullmatch(r"\.[a-z0-9]{1,8}", suffix) is None:
+        return "upload"
+    if not (is_picture(path.name) and kind.takes_light_fields):
+        return f"upload{suffix}"
+    layout = parse_name(path.name)
+    eslf = "_eslf" if suffix == ".png" and is_eslf(path.name) else ""
+    return f"upload{layout.suffix if layout else ''}{eslf}{suffix}"

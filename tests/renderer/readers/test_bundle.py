@@ -3,12 +3,14 @@ import stat
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from types import MappingProxyType
 
 import pytest
 
 from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.limits import Limits
-from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.bundle import Archive, Bundle, Folder
+from ciir.renderer.readers.picture_sizes import read_start
 from tests.support.inputs import make_zip
 
 OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
@@ -25,6 +27,19 @@ def test_files_beside_and_below_a_file_are_found(tmp_path: Path) -> None:
     assert bundle.files["a b.mtl"] == b"newmtl x"
     assert bundle.files["textures/x.png"] == b"picture"
     assert "nothing.png" not in bundle.files
+
+
+def test_the_start_of_a_file_is_read_alone(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_bytes(OBJ)
+    (tmp_path / "a.zip").write_bytes(make_zip({"a.obj": OBJ, "b.obj": OBJ}))
+    limits = Limits(bytes=2 * len(OBJ))
+    for files in (Folder(tmp_path, limits), Archive(tmp_path / "a.zip", limits)):
+        assert read_start(files, "a.obj", 3) == OBJ[:3]
+        assert read_start(files, "a.obj", 1000) == OBJ
+        with pytest.raises(KeyError):
+            read_start(files, "../a.obj", 3)
+    assert read_start({"a.obj": OBJ}, "a.obj", 3) == OBJ[:3]
+    assert read_start(MappingProxyType({"a.obj": OBJ}), "a.obj", 3) is None
 
 
 def test_files_outside_its_folder_are_not_found(tmp_path: Path) -> None:

@@ -77,6 +77,21 @@ def test_what_another_worker_did_in_this_run_counts_as_done(folder):
     assert work(task, replace(request, run="another")).status == "kept"
 
 
+@pytest.mark.parametrize("others", [(), ("mine.txt",)])
+def test_an_earlier_output_leaves_no_empty_folder(folder, tmp_path, others):
+    request = Request(Options(lenses=(12, 12), pixels=(3, 3), model="none"), str(tmp_path / "out"), "one run")
+    source = tmp_path / "vase.png"
+    shutil.copy(folder / "in" / "arrays" / "vase.png", source)
+    assert work(Task(str(source), "vase"), request).status == "done"
+    for other in others:
+        (tmp_path / "out" / "vase" / other).touch()
+    source.write_bytes(source.read_bytes()[:100])
+    assert work(Task(str(source), "vase"), request).status == "failed"
+    left = [path.relative_to(tmp_path / "out").as_posix() for path in (tmp_path / "out").glob("vase/**/*")]
+    assert left == [f"vase/{other}" for other in others]
+    assert (tmp_path / "out" / "vase").exists() is bool(others)
+
+
 def test_results_are_those_of_reconstruct(folder, tmp_path):
     for name in ("arrays/globe.png", "cube.off"):
         assert main(["reconstruct", str(folder / "in" / name), "-o", str(tmp_path / name[:4]), *ARRAY]) == 0

@@ -28,6 +28,12 @@ def test_new_names_count_where_names_were_listed():
     assert not matches(traced.trace, {**FILES, "c.png": b""})
 
 
+def test_the_start_of_a_file_alone_does_not_count():
+    traced = TracedFiles(FILES)
+    assert traced.read_start("a.png", 100) == FILES["a.png"]
+    assert matches(traced.trace, {})
+
+
 def test_a_file_that_was_missing_counts():
     traced = TracedFiles(FILES)
     with pytest.raises(KeyError):

@@ -56,6 +56,8 @@ def test_counts_what_was_read_once():
     assert files["a"] == files["a"]
     assert files.sizes == {"a": 3}
     assert list(files) == ["a", "b"]
+    assert files.read_start("b", 2) == b"45"
+    assert files.sizes == {"a": 3}
 
 
 def test_the_line_on_skipping():

@@ -6,6 +6,8 @@ import pytest
 import ciir
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.eia.period import Periods
+from ciir.renderer.readers.pictures import decode
+from ciir.renderer.writers.pictures import encode
 from tests.support.light_fields import make_views
 from tests.support.paths import SHARED
 
@@ -37,6 +39,31 @@ def test_rendered_views(scene, lenses, pixels):
     assert eia.repeats_within((2 * pixels[0], 2 * pixels[1])) is (eia.find() is not None)
     assert not eia.is_mosaic(pixels)
     assert Periods(make_mosaic(light_field.views)).find_arrangement(pixels) == "mosaic"
+
+
+@pytest.mark.parametrize(
+    ("scene", "lenses", "pixels"),
+    [
+        ("vase", (60, 80), (5, 7)),  # 60x112 of 5x5 would divide it too
+        ("vase", (64, 64), (12, 9)),
+        ("vase", (80, 60), (7, 5)),
+        ("globe", (36, 64), (7, 7)),  # 42x64 of 6x7 would
+        ("globe", (50, 30), (16, 16)),
+        ("vase", (40, 60), (9, 9)),
+    ],
+)
+@pytest.mark.parametrize("suffix", [".png", ".jpg"])
+def test_elemental_images_that_divide_a_picture_in_several_ways(scene, lenses, pixels, suffix):
+    eia = ciir.render(f"scene:{scene}", lenses=lenses, pixels=pixels, backend="raytrace").eia()
+    assert Periods(decode(encode(eia, suffix), name="a")).rank_sizes()[0] == pixels
+
+
+@pytest.mark.parametrize("scene", ["vase", "globe", "hamburger"])
+def test_views_of_a_mosaic_that_squares_would_divide_too(scene):
+    views = ciir.render(f"scene:{scene}", lenses=(60, 80), pixels=(8, 6), backend="raytrace").views
+    periods = Periods(make_mosaic(views))
+    assert periods.rank_sizes()[0] == (60, 80)  # not 160x160
+    assert periods.is_mosaic((60, 80))
 
 
 @pytest.mark.skipif(not CAPTURED.is_dir(), reason="needs the captured light fields")

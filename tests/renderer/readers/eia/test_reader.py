@@ -222,6 +222,7 @@ def test_a_mosaic_is_named_where_its_numbers_are_missing_or_wrong(layout):
     assert "give pixels 5x7" in text
     assert "lens_pitch" not in text
     assert ("arrangement eia and pixels 60x60" in text) is (layout == {})
+    assert ("a quilt is known by its name, here NAME_qs7x5a1.png" in text) is (layout == {})
 
 
 def test_a_mosaic_whose_period_does_not_show():

@@ -1,3 +1,4 @@
+import io
 import json
 from collections.abc import Mapping
 
@@ -100,10 +101,37 @@ def test_the_depth_sense_of_our_own_views_is_in_their_report() -> None:
         assert read(files | {"out/report.json": report}).depth_sense == "cameras"
 
 
+class Starts(dict[str, bytes]):
+    """Files that can't be read whole."""
+
+    def read_start(self, key: str, length: int) -> bytes:
+        return super().__getitem__(key)[:length]
+
+    def __getitem__(self, key: str) -> bytes:
+        raise AssertionError(key)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif", ".webp"])
+def test_another_size_is_refused_before_anything_is_decoded(suffix: str) -> None:
+    files = {f"{v}_{u}{suffix}": picture(v, u, suffix=suffix) for v in range(3) for u in range(3)}
+    odd = {f"2_1{suffix}": encode(np.zeros((3, 3, 3), np.uint8), suffix)}
+    assert message(Starts(files | odd), Unreadable) == (
+        f"set: 2_1{suffix} is 3x3 pixels but 0_0{suffix} is 2x3 pixels; make all views alike"
+    )
+
+
+def test_a_view_that_its_orientation_turns_has_the_size_of_the_others() -> None:
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    turned = io.BytesIO()
+    Image.fromarray(np.full((3, 2, 3), 1, np.uint8)).save(turned, "JPEG", exif=exif)
+    field = read({"0_0.jpg": picture(0, 0, suffix=".jpg"), "0_1.jpg": turned.getvalue()})
+    assert field.views.shape == (1, 2, 2, 3, 3)
+
+
 @pytest.mark.parametrize(
     ("odd", "expected"),
     [
-        (encode(np.zeros((3, 3, 3), np.uint8), ".png"), "3x3 pixels of 3 x 8 bit"),
         (encode(np.zeros((2, 3, 1), np.uint8), ".png"), "2x3 pixels of 1 x 8 bit"),
         (encode(np.zeros((2, 3, 3), np.uint16), ".png"), "2x3 pixels of 3 x 16 bit"),
     ],

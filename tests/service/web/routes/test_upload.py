@@ -1,12 +1,21 @@
 """What a form may hold, and what of it is refused."""
 
+import io
+
 import numpy as np
 import pytest
+from starlette.datastructures import UploadFile
 
 import ciir
+from ciir.renderer.displays.quilt import QuiltLayout, join_views
+from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.pictures import decode
+from ciir.renderer.writers.pictures import encode
+from ciir.service.pipeline.options import KINDS
 from ciir.service.web.routes import results
+from ciir.service.web.routes.upload import parse_form
 from tests.support.inputs import BAD_INPUTS, contains_all
+from tests.support.light_fields import make_views
 from tests.support.web import POST, check_problem, post_file
 
 
@@ -14,6 +23,47 @@ def test_only_the_suffix_of_a_file_name_is_used(client):
     detail = check_problem(post_file(client, "../../etc/pass\nwd.TXT", b"hello"), 415)
     assert "upload.txt" in detail
     assert "pass" not in detail
+
+
+@pytest.mark.parametrize(
+    ("kind", "given", "kept"),
+    [
+        ("reconstruction", "C:\\my\\a_QS08x6a0.750.PNG", "upload_qs8x6a0.75.png"),
+        ("display", "a_qs8x6a0.75 (1).jpg", "upload_qs8x6a0.75.jpg"),
+        ("inspection", "../a_qs8x6a0.75/b.png", "upload.png"),
+        ("reconstruction", "a_qs8x6a0.75.glb", "upload.glb"),
+        ("upscale", "a_qs99x6a0.75.png", "upload.png"),
+        ("disparity", "IMG_1_ESLF.png", "upload_eslf.png"),
+        ("disparity", "IMG_1_eslf.jpg", "upload.jpg"),
+    ],
+)
+def test_what_makes_a_picture_a_quilt_or_eslf_is_kept_of_a_name(kind, given, kept):
+    sent = UploadFile(io.BytesIO(b"x"), filename=given)
+    assert parse_form([("file", sent)], KINDS[kind]).request.name == kept
+
+
+def test_a_quilt_is_read_by_its_name(client):
+    field = LightField(make_views((1, 6), side=24), depth_sense="cameras")
+    quilt = encode(join_views(field.views[0], QuiltLayout(3, 2, 1.0)), ".png")
+
+    def inspect(name):
+        return client.post("/v1/inspections", files={"file": (name, quilt)})
+
+    assert inspect("a_qs3x2a1.png").json()["light_field"]["cols"] == 6
+    # The same bytes in another layout are another job.
+    assert inspect("a_qs2x3a1.png").json()["light_field"]["height"] == 16
+    assert inspect("a.png").json()["kind"] != "views"
+    check_problem(inspect("a_qs99x2a1.png"), 422, "99x2 is out of range")
+
+
+def test_eslf_is_read_by_its_name(client):
+    eia = LightField(make_views((14, 14), side=16, disparities=(0, 0))).eia()
+
+    def read(name):
+        return client.post("/v1/inspections", files={"file": (name, encode(eia, ".png"))}).json()
+
+    assert read("a_eslf.png")["light_field"]["depth_sense"] == "cameras"
+    assert read("a.png")["kind"] != "views"
 
 
 @pytest.mark.parametrize(
@@ -75,6 +125,13 @@ def test_a_shipped_scene_takes_the_place_of_the_file(own):
         assert np.array_equal(picture, expected)
     assert own.post(POST, files={"scene": (None, "vase")}, data=fields).headers["server-timing"].startswith("stored")
     assert own.pool.runs == 2
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_options_in_the_query_are_refused(client, eia, kind):
+    sent = client.post(f"{results.find_root(kind)}?model=none&lenses=10x10&model=", files={"file": ("a.png", eia)})
+    detail = check_problem(sent, 422, "'lenses', 'model': in the URL's query", "send each as a field of the form")
+    assert "/" not in detail
 
 
 def test_bad_forms(client, eia):
