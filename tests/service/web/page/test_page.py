@@ -115,6 +115,17 @@ def test_an_invalid_setting_is_marked(page):
     expect(page.get_by_role("alert")).to_be_hidden()
 
 
+def test_an_error_is_gone_once_a_picture_that_was_made_before_is_shown(page):
+    open_scene(page)
+    page.expected = ["422"]
+    set_field(page, "lenses", "0x5")
+    expect(page.get_by_role("alert")).to_be_visible()
+    set_field(page, "lenses", "20x30")
+    expect(page.locator("#status")).to_contain_text("Done in")
+    expect(page.get_by_role("alert")).to_be_hidden()
+    expect(page.locator("[aria-invalid]")).to_have_count(0)
+
+
 def test_a_link_shows_the_same_picture(page, browser):
     open_scene(page)
     page.locator("[name=model]").select_option("bicubic")
