@@ -74,7 +74,19 @@ def test_the_lenses_of_an_elemental_image_array_are_found(page, server):
     choose(page, ("vase.png", page.request.post(f"{server}/v1/elementals", multipart=form).body()))
     wait_for_picture(page, 120, 120)
     expect(page.locator("#kind")).to_have_text("An elemental image array")
-    expect(page.locator("[name=pixels]")).to_have_value("10x10")
+    pixels = page.locator("[name=pixels]")
+    expect(pixels).to_have_value("10x10")
+    set_field(page, "lenses", "120x120")  # the guess is wrong
+    wait_for_picture(page, 240, 240)
+    expect(pixels).to_have_value("")
+
+
+@pytest.mark.parametrize("typed", ["20", " 20\u00d720", "20 X 20 "])
+def test_a_number_of_lenses_is_completed(page, typed):
+    open_scene(page)
+    set_field(page, "lenses", typed)
+    wait_for_picture(page, 40, 40)
+    expect(page.locator("[name=lenses]")).to_have_value("20x20")
 
 
 def test_zips_are_as_python_reads_them(page):
