@@ -307,6 +307,29 @@ def test_what_one_clicks_is_sharp(page):
     assert sharpness[0] > 1.3 * max(sharpness[2], sharpness[-2]), sharpness
 
 
+@pytest.mark.parametrize("model", ["none", "bicubic&scale=3"])
+def test_the_disparity_in_focus_is_that_of_the_server(page, server, model):
+    form = {"scene": "vase", "lenses": "80x80", "pixels": "7x7"}
+    found = page.request.post(f"{server}/v1/disparities", multipart=form | {"format": "npy"}).body()
+    expected = np.load(io.BytesIO(found))[56, 40]
+    assert expected < -0.6  # behind the lenses
+    address = "&".join(f"{name}={value}" for name, value in form.items())
+    go_to(page, f"#{address}&show=around&model={model}&focus=0.25")
+    page.get_by_role("checkbox", name="Disparity").wait_for()
+    page.locator("#format").select_option("plane/png")
+    field = page.locator("#export-form [name=disparity]")
+    expect(field).to_have_value("0.25")
+    box = page.locator("canvas").bounding_box()
+    page.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.7 * box["height"])
+    expect(field).not_to_have_value("0.25")
+    assert float(field.input_value()) == pytest.approx(expected, abs=0.15)
+    assert f"focus={field.input_value()}&" in page.url
+    field.fill("-1")
+    page.locator("canvas").press("ArrowRight")
+    wait_for_rest(page)
+    expect(field).to_have_value("-1")  # the user's
+
+
 def test_networks_are_compared_with_the_truth(page):
     go_to(page, f"{AROUND}&show=compare")
     status = page.locator(".comparison [role=status]")
