@@ -220,6 +220,8 @@ def test_a_cancelled_disparity_is_reported_in_plain_words(page):
     go_to(page, f"{SMALL}&show=around")
     box = page.get_by_role("checkbox", name="Disparity")
     hold_posts(page, "disparities")
+    box.wait_for()
+    wait_for_rest(page)  # the line then has the viewpoint
     box.check()
     page.get_by_role("button", name="Cancel").click()
     expect(page.locator(".light-field [role=status]")).to_have_text("Cancelled.")
