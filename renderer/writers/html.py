@@ -65,6 +65,7 @@ class HtmlWriter(Writer):
             "width": contents.width,
             "height": contents.height,
             "depthSense": contents.depth_sense,
+            "scale": contents.scale,
             "views": [self._views[view] for view in sorted(self._views)],
         }
         folder = files("ciir.renderer.writers") / "viewer"

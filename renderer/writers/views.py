@@ -79,7 +79,8 @@ def save_views(
     Raises `InvalidOption` where `path` can't be written or the format can't hold the views.
     """
     height, width, channels = (first := next(iter(views.values()))).shape
-    contents = Contents(tuple(views), grid, height, width, channels, first.dtype, depth_sense, times)
+    scale = report.get("plan", {}).get("scale", 1)
+    contents = Contents(tuple(views), grid, height, width, channels, first.dtype, depth_sense, times, scale)
     with _open(path, BY_SUFFIX_OF_TIMES if times else BY_SUFFIX, WriterOptions()) as writer:
         _write(views, report, writer, contents)
 

@@ -41,6 +41,8 @@ class Contents:
     depth_sense: DepthSense = "lenses"
     times: tuple[float, ...] = ()
     """Seconds: the pictures are one view at several times, "views" (0, 0), (0, 1), ...; empty for a light field."""
+    scale: int = 1
+    """Pixels for each pixel of the views that were read, along each side."""
 
     def name_file(self, view: View) -> str:
         """`view_VV_UU.png`, or `frame_NNNN.png` of several times."""

@@ -176,7 +176,8 @@ def _describe(report: Report, sample: Pixels, times: tuple[float, ...]) -> Conte
     height, width, channels = sample.shape
     views = tuple((0, number) for number in range(len(times))) or tuple((e["v"], e["u"]) for e in report["views"])
     grid = (1, len(times)) if times else (array["pixels_v"], array["pixels_u"])
-    return Contents(views, grid, height, width, channels, sample.dtype, array["depth_sense"], times)
+    scale = report["plan"]["scale"]
+    return Contents(views, grid, height, width, channels, sample.dtype, array["depth_sense"], times, scale)
 
 
 def _read(path: Path) -> Pixels:

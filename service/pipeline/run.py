@@ -241,4 +241,5 @@ def _describe_contents(job: Job, plan: Plan, sample: Pixels) -> Contents:
         channels=sample.shape[2],
         dtype=sample.dtype,
         depth_sense=job.depth_sense,
+        scale=plan.scale,
     )

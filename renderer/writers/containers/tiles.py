@@ -75,7 +75,8 @@ class TilesWriter(WholeWriter):
         """Writes the zip, whose local headers have the sizes: a reader needs no directory."""
         rows, cols, height, width, channels = light_field.views.shape
         tiles = plan_tiles(rows, height, width)
-        size = {"rows": rows, "cols": cols, "height": height, "width": width}
+        assert self._contents is not None  # noqa: S101 - `begin` was called: the contract of Writer
+        size = {"rows": rows, "cols": cols, "height": height, "width": width, "scale": self._contents.scale}
         described = {**size, "depth_sense": light_field.depth_sense, "tiles": [asdict(tile) for tile in tiles]}
         with zipfile.ZipFile(self.file, "w", zipfile.ZIP_STORED) as archive:
             archive.writestr(zipfile.ZipInfo(DESCRIPTION, ZIP_DATE), json.dumps(described))

@@ -38,7 +38,7 @@ export class Stage {
     this.viewer = new LightFieldViewer(this.canvas, lightField);
     /** Aborted when the stage is closed. */
     this.stopped = new AbortController();
-    /** So that the slider's right end is near, and the right arrow key goes to the right. */
+    /** So that larger disparities are nearer, and the right arrow key goes to the right. */
     this.sign = lightField.depthSense === "lenses" ? -1 : 1;
     element.style.setProperty("--ratio", String(lightField.width / lightField.height));
     const label = /** @type {HTMLElement} */ (this.tilt.closest("label"));
@@ -52,22 +52,32 @@ export class Stage {
     this.settled = 0;
   }
 
+  /** The disparity in focus as all commands have it: in pixels of the views that were read, larger is nearer. */
+  get disparity() {
+    return (this.sign * this.viewer.disparity) / this.lightField.scale;
+  }
+
+  set disparity(disparity) {
+    this.viewer.disparity = this.sign * this.lightField.scale * disparity;
+  }
+
   /** Shows what the address names, or the centre, focused on what the whole picture moves by. Call it when there is something to see. */
   begin() {
-    const { viewer, focus, aperture, lightField, sign } = this;
-    const middle = viewer.meter.measure() ?? 0;
-    const range = Math.max(2, Math.min(lightField.width / 16, 32));
+    const { viewer, focus, aperture, lightField } = this;
+    viewer.disparity = viewer.meter.measure() ?? 0;
+    const middle = this.disparity;
+    const range = Math.max(2, Math.min(lightField.width / 16, 32)) / lightField.scale;
     const given = new URLSearchParams(location.hash.slice(1));
     const read = (/** @type {string} */ name, /** @type {number} */ otherwise) => Number(given.get(name) ?? otherwise) || 0;
-    focus.min = String(Math.floor(sign * middle - range)); // whole, for the steps of the slider
-    focus.max = String(Math.ceil(sign * middle + range));
+    focus.min = String(Math.floor(middle - range)); // whole, for the steps of the slider
+    focus.max = String(Math.ceil(middle + range));
     aperture.max = String(Math.max(lightField.rows, lightField.cols) / 2);
-    viewer.disparity = read("focus", middle);
+    this.disparity = read("focus", middle);
     viewer.aperture = read("aperture", 0);
     viewer.moveTo(read("v", viewer.viewpoint[0]), read("u", viewer.viewpoint[1]));
-    focus.value = String(sign * viewer.disparity);
+    focus.value = String(this.disparity);
     aperture.value = String(viewer.aperture);
-    focus.addEventListener("input", () => ((viewer.disparity = sign * Number(focus.value)), this.show()));
+    focus.addEventListener("input", () => ((this.disparity = Number(focus.value)), this.show()));
     aperture.addEventListener("input", () => ((viewer.aperture = Number(aperture.value)), this.show()));
     followPointer(this, this.focusOn);
     followKeys(this);
@@ -120,7 +130,7 @@ export class Stage {
       return;
     }
     this.viewer.disparity = found;
-    this.focus.value = String(this.sign * found);
+    this.focus.value = String(this.disparity);
     this.show();
   };
 
@@ -140,16 +150,17 @@ export class Stage {
   };
 
   #settle = () => {
-    const { viewer, status } = this;
+    const { viewer, status, disparity } = this;
     const [v, u] = viewer.viewpoint;
     viewer.draw();
     const shown = new URLSearchParams(location.hash.slice(1));
-    for (const [name, value] of Object.entries({ v, u, focus: viewer.disparity, aperture: viewer.aperture })) {
+    for (const [name, value] of Object.entries({ v, u, focus: disparity, aperture: viewer.aperture })) {
       shown.set(name, String(Number(value.toFixed(3))));
     }
     history.replaceState(null, "", `#${shown}`);
-    status.textContent = VIEWER_TEXTS.place(v.toFixed(1), u.toFixed(1), viewer.disparity.toFixed(1));
+    status.textContent = VIEWER_TEXTS.place(v.toFixed(1), u.toFixed(1), disparity.toFixed(2));
     this.canvas.ariaBusy = "false";
+    this.canvas.dispatchEvent(new CustomEvent("rest", { bubbles: true }));
   };
 }
 

@@ -15,6 +15,7 @@ import { VIEWER_TEXTS } from "./texts.js";
  * @property {number} cols Columns of views.
  * @property {number} width Of a view, in pixels.
  * @property {number} height
+ * @property {number} scale Pixels for each pixel of the views that were read, along each side.
  * @property {"lenses" | "cameras"} depthSense Whether what is farther (lenses) or nearer (cameras) moves further to the left in the
  *   next view on the right.
  */

@@ -31,7 +31,7 @@ def test_holds_every_view_in_its_place(tmp_path, dtype):
     make_light_field(dtype, depth_sense="cameras").save(tmp_path / "a.html")
     found = read_data((tmp_path / "a.html").read_text())
     pictures = [decode(b64decode(address.split(",")[1]), name="view") for address in found.pop("views")]
-    assert found == {"rows": 2, "cols": 3, "height": 40, "width": 60, "depthSense": "cameras"}
+    assert found == {"rows": 2, "cols": 3, "height": 40, "width": 60, "depthSense": "cameras", "scale": 1}
     for picture, colour in zip(pictures, COLOURS.reshape(6, 3), strict=True):
         assert picture.shape == (40, 60, 3)
         assert np.abs(picture.astype(int) - colour).max() <= 2  # JPEG of quality 95 on a plain colour

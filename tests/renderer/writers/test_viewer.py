@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ciir.renderer.light_field import LightField
+from ciir.renderer.writers.views import save_views
 from tests.support.browser import needs_browser, open_browser, read_canvas
 from tests.support.light_fields import make_views
 
@@ -30,11 +31,12 @@ def browser():
 
 @pytest.fixture
 def show(browser, tmp_path):
-    """Opens the viewer of a light field, at an address."""
+    """Opens the viewer of a light field, or of the last one again, at an address."""
     context = browser.new_context(has_touch=True)
 
     def open_viewer(field=FIELD, address=""):
-        field.save(tmp_path / "a.html")
+        if field is not None:
+            field.save(tmp_path / "a.html")
         page = context.new_page()
         page.goto(f"file://{tmp_path}/a.html#{address}")
         wait_for_rest(page)
@@ -237,4 +239,25 @@ def test_both_depth_senses_look_the_same(show):
         page.locator("canvas").press("ArrowRight")
         wait_for_rest(page)
         shown.append(read_canvas(page))
+        assert read_address(page)["focus"] == UPPER
+        np.testing.assert_array_equal(shown[-1], read_canvas(show(None, page.url.partition("#")[2])))
     np.testing.assert_array_equal(*shown)
+
+
+def test_disparity_counts_pixels_of_the_views_as_read(browser, tmp_path):
+    """Of lenses, upscaled: the views have twice the pixels, and other signs."""
+    larger = FIELD.with_depth_sense("lenses").views.repeat(2, axis=2).repeat(2, axis=3)
+    views = {view: larger[view] for view in np.ndindex(5, 5)}
+    save_views(views, {"plan": {"scale": 2}}, tmp_path / "a.html", (5, 5), "lenses")
+    page = browser.new_page()
+    page.goto(f"file://{tmp_path}/a.html#focus={LOWER}&aperture=2")
+    wait_for_rest(page)
+    sharpness = np.abs(np.diff(read_canvas(page)[::2, ::2].astype(float), axis=1))
+    assert sharpness[HALVES[LOWER], INSIDE].mean() > 2 * sharpness[HALVES[UPPER], INSIDE].mean()
+    box = page.locator("canvas").bounding_box()
+    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 4)
+    wait_for_rest(page)
+    assert read_address(page)["focus"] == pytest.approx(UPPER, abs=0.15)
+    assert float(page.locator("[name=focus]").input_value()) == pytest.approx(UPPER, abs=0.2)
+    assert f"Focus {read_address(page)['focus']:.2f} " in page.locator("[role=status]").text_content()
+    page.close()

@@ -31,9 +31,11 @@ export class Problem extends Error {
   }
 }
 
-/** @param {string} key Empty to forget it. */
+/**
+ * @param {string} key Empty to forget it. White space around it, and what has no width, as copied from a mail, are no part of it.
+ */
 export function setKey(key) {
-  keep(KEY, key);
+  keep(KEY, key.replace(/[\p{Cc}\p{Cf}]/gu, "").trim());
 }
 
 /**
@@ -62,13 +64,21 @@ export function describeError(error) {
  */
 export async function request(path, init = {}) {
   const key = read(KEY);
-  const headers = { ...init.headers, ...(key ? { "X-API-Key": key } : {}) };
+  const headers = { ...init.headers, ...(key ? { "X-API-Key": encodeHeader(key) } : {}) };
   const response = await fetch(path, { ...init, headers }).catch((error) => {
     throw isEnded(error) ? error : new Problem(0);
   });
   if (response.ok) return response;
   const problem = await response.json().catch(() => ({}));
   throw new Problem(response.status, typeof problem.detail === "string" ? problem.detail : "");
+}
+
+/**
+ * A text as `fetch` takes it in a header, each byte of its UTF-8 a character: it refuses characters of more than a byte.
+ * @param {string} text
+ */
+function encodeHeader(text) {
+  return String.fromCharCode(...new TextEncoder().encode(text));
 }
 
 /** A job of the server. */

@@ -1,6 +1,7 @@
 // @ts-check
 /** Downloads in every format that the server writes. */
 import { find, make } from "./dom.js";
+import { readState } from "./state.js";
 import { FORMATS, GROUPS, TEXTS } from "./texts.js";
 
 /**
@@ -15,8 +16,8 @@ import { FORMATS, GROUPS, TEXTS } from "./texts.js";
 const PICTURES = ["png", "tiff", "jpeg", "webp"];
 const VIDEOS = ["mp4", "webm", "gif", "animated-webp"];
 const MESHES = ["mesh", "scene"];
-/** Options that some formats need, with an example; those in CHOICES are one of these, those in FILES the texts of files. */
-const EXAMPLES = /** @type {Record<string, string>} */ ({ stack: "-1:1:16", disparity: "0", epi: "" });
+/** Options that some formats need, with an example if there is one; those in CHOICES are one of these, those in FILES the texts of files. */
+const EXAMPLES = /** @type {Record<string, string>} */ ({ stack: "-1:1:16", epi: "" });
 /** Those of `renderer/displays/devices.py`. */
 export const CHOICES = /** @type {Record<string, string[]>} */ ({
   device: ["portrait", "go", "16-landscape", "16-portrait", "32-landscape", "32-portrait", "65", "8.9"],
@@ -80,12 +81,20 @@ function showFields() {
   const { needs = [] } = EXPORTS[select.value.split("/")[0]];
   const fields = needs.map((name) => {
     /** @type {Record<string, string>} */
-    const field = name in FILES ? { type: "file", accept: FILES[name], required: "" } : { value: EXAMPLES[name] };
+    const field = name in FILES ? { type: "file", accept: FILES[name], required: "" } : { value: EXAMPLES[name] ?? "" };
     const label = make("span", TEXTS[/** @type {keyof typeof TEXTS} */ (name)]);
     if (name in CHOICES) return make("label", [label, make("select", CHOICES[name].map((each) => make("option", each)), { name })]);
     return make("label", [label, make("input", "", { name, ...field })]);
   });
   needed.replaceChildren(...fields);
+  fillFocus();
+}
+
+/** Fills in the disparity that the light field is focused on, unless the user has given another. */
+function fillFocus() {
+  const field = form.elements.namedItem("disparity");
+  if (!(field instanceof HTMLInputElement) || field.value !== field.defaultValue) return;
+  field.value = field.defaultValue = readState().focus ?? "0";
 }
 
 /**
@@ -95,6 +104,7 @@ function showFields() {
  */
 export function watchExport(save) {
   select.addEventListener("change", showFields);
+  document.addEventListener("rest", fillFocus); // of a light field
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     const [group, format] = select.value.split("/");

@@ -50,6 +50,7 @@ find("cancel", HTMLButtonElement).addEventListener("click", () => {
  */
 export async function perform(action, reported = PICTURE) {
   stop();
+  hideProblem();
   if (isUnfinished) showStatus(""); // it was ended
   clearNotes(EXPORT);
   EXPORT.line.textContent = "";
@@ -110,7 +111,6 @@ export function showStatus(message) {
 export async function run(start, name, signal, isNew = true) {
   signal.throwIfAborted();
   showStatus(name);
-  hideProblem();
   panel.hidden = false;
   const begun = (started = performance.now());
   const report = (/** @type {Status | null} */ status) => showProgress(status, begun);
@@ -176,17 +176,14 @@ export function showProblem(error, name, retry) {
   find("key-form", HTMLFormElement).hidden = status !== 401;
   const again = find("retry", HTMLButtonElement);
   again.hidden = status === 401 || (status >= 400 && status < 500 && ![404, 408, 409, 410, 429].includes(status));
-  again.onclick = () => {
-    hideProblem();
-    retry();
-  };
+  again.onclick = retry;
   problem.hidden = false;
   problem.scrollIntoView({ block: "nearest" });
   document.querySelector(`form [name="${CSS.escape(/^\w+/.exec(detail)?.[0] ?? "")}"]`)?.setAttribute("aria-invalid", "true");
 }
 
 /** Hides what failed. */
-export function hideProblem() {
+function hideProblem() {
   problem.hidden = true;
   for (const field of document.querySelectorAll("[aria-invalid]")) field.removeAttribute("aria-invalid");
 }

@@ -37,9 +37,9 @@ export async function showLightField(element, response, { scale = 1, signal, pla
       signal?.throwIfAborted();
       const tile = tiles.find(({ file }) => file === name);
       if (name === "light_field.json") {
-        const { depth_sense: depthSense, tiles: planned, width, height, ...grid } = JSON.parse(new TextDecoder().decode(bytes));
+        const { depth_sense: depthSense, tiles: planned, width, height, scale: made = 1, ...grid } = JSON.parse(new TextDecoder().decode(bytes));
         tiles = planned;
-        const size = { ...grid, width: scale * width, height: scale * height };
+        const size = { ...grid, width: scale * width, height: scale * height, scale: scale * made };
         if (previous && !previous.stopped.signal.aborted && hasSize(previous.lightField, size)) {
           stage = previous;
           continue;

@@ -10,7 +10,7 @@ import { PLACE } from "./light_field.js";
 import { allowTurning, closeMesh, openMesh, watchPlace } from "./place.js";
 import { forgetJob, isUnfinished, watchRecent } from "./recent.js";
 import { fitSettings, offerGrids, offerModels, readSettings, watchSettings } from "./settings.js";
-import { readState, writeState } from "./state.js";
+import { readState, replaceState } from "./state.js";
 import { KINDS, SENTENCES, TEXTS, writeTexts } from "./texts.js";
 
 /** @typedef {import("./inputs.js").Input} Input */
@@ -56,9 +56,8 @@ async function attempt(action, name = "", place) {
 /**
  * Opens an input: says what it is, and shows it.
  * @param {Promise<Input> | Input} chosen
- * @param {Record<string, string>} settings Of the address.
  */
-function open(chosen, settings) {
+function open(chosen) {
   leave();
   showPart("work");
   return attempt(async (signal) => {
@@ -66,6 +65,7 @@ function open(chosen, settings) {
     const given = await chosen;
     signal.throwIfAborted();
     writeName(nameInput(given), "");
+    const settings = takeSettings(given);
     showStatus(TEXTS.reading);
     const { kind, candidates } = await describe(given, signal);
     writeName(nameInput(given), KINDS[kind] ?? "");
@@ -76,6 +76,18 @@ function open(chosen, settings) {
     input = { ...given, kind };
     return makeChosen(input, signal);
   });
+}
+
+/**
+ * The settings of the address, if it names what is opened; they are of no use to another file, which then takes their place there.
+ * @param {Input} given
+ */
+function takeSettings({ name, scene: own }) {
+  const { scene, file, show: mode, ...settings } = readState();
+  if (own ? own === scene : name === file) return settings;
+  replaceState({ file: name });
+  chooseMode();
+  return {};
 }
 
 /**
@@ -124,9 +136,8 @@ function makeChosen(opened, signal) {
  * @param {Record<string, string>} settings
  */
 function keepState(settings) {
-  const old = Object.keys(readState()).filter((name) => !PLACE.includes(name));
-  const source = input?.scene ? { scene: input.scene, file: null } : { scene: null, file: input?.name ?? "" };
-  writeState({ ...Object.fromEntries(old.map((name) => [name, null])), ...source, ...settings });
+  const place = Object.entries(readState()).filter(([name]) => PLACE.includes(name));
+  replaceState({ scene: input?.scene ?? "", file: input?.scene ? "" : (input?.name ?? ""), ...settings, ...Object.fromEntries(place) });
 }
 
 /**
@@ -182,9 +193,9 @@ function goTo(address) {
 
 /** Opens what the address names. */
 function openAddress() {
-  const { scene, file, show: mode, ...settings } = readState();
+  const { scene, file, show: mode } = readState();
   chooseMode(mode);
-  if (scene) return void open({ name: scene, scene }, settings);
+  if (scene) return void open({ name: scene, scene });
   leave();
   showPart("start");
   find("again", HTMLElement).textContent = file ? SENTENCES.again(file) : "";
@@ -196,14 +207,12 @@ function chooseMode(mode = "upscaled") {
 }
 
 /**
- * Opens files that were chosen, with the settings of the address where it is about a file.
+ * Opens files that were chosen, so that Back leads to what was open before.
  * @param {Promise<{name: string, file: File}[]>} files
  */
 function openFiles(files) {
-  const { scene, file, show: mode, ...settings } = readState();
-  if (!file) chooseMode();
   history.pushState(null, "", location.href);
-  void open(files.then(joinFiles), file ? settings : {});
+  void open(files.then(joinFiles));
 }
 
 writeTexts();

@@ -129,6 +129,24 @@ export function fitSettings(kind) {
   }
 }
 
+/**
+ * Writes a number of lenses or pixels, such as `60` or `60×60`, as the server reads it.
+ * @param {HTMLInputElement} field
+ */
+function completeSize(field) {
+  const [, rows, cols] = /^\s*(\d+)\s*(?:[x×]\s*(\d+)\s*)?$/i.exec(field.value) ?? [];
+  if (rows) field.value = `${rows}x${cols ?? rows}`;
+}
+
+/**
+ * Clears the number of lenses that was found in the picture where the user gives that of pixels, and the other way round.
+ * @param {HTMLInputElement} given
+ */
+function clearFound({ name, value }) {
+  const other = name === "lenses" ? form.pixels : form.lenses;
+  if (value && candidates.some(({ options }) => options[other.name] === other.value)) other.value = "";
+}
+
 /** @param {string} name Of a network. @returns {HTMLOptionElement | undefined} */
 function findModel(name) {
   return [...form.model.options].find(({ value }) => value === name);
@@ -195,6 +213,12 @@ export function watchSettings(changed) {
   form.addEventListener("submit", (event) => event.preventDefault());
   form.addEventListener("focusin", keepTyped);
   form.addEventListener("focusout", () => (typed = null));
+  for (const field of [form.lenses, form.pixels]) {
+    field.addEventListener("change", () => {
+      completeSize(field);
+      clearFound(field);
+    });
+  }
   form.addEventListener("change", (event) => {
     keepTyped(event);
     if (event.target === form.model) offerScales();

@@ -7,11 +7,10 @@ export function readState() {
 }
 
 /**
- * Changes settings in the address, without a new entry in the history.
- * @param {Record<string, string | null>} changes null or an empty text removes a setting.
+ * Replaces the settings in the address, without a new entry in the history.
+ * @param {Record<string, string>} settings Those with an empty text are left out.
  */
-export function writeState(changes) {
-  const kept = Object.entries({ ...readState(), ...changes }).filter(([, value]) => value);
-  const text = new URLSearchParams(/** @type {[string, string][]} */ (kept)).toString();
+export function replaceState(settings) {
+  const text = new URLSearchParams(Object.entries(settings).filter(([, value]) => value)).toString();
   history.replaceState(null, "", text ? `#${text}` : location.pathname);
 }

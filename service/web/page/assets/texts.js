@@ -84,7 +84,7 @@ export const TEXTS = {
   calibration: "Calibration of the display, a JSON file",
   display: "Panel and lenses, a TOML file",
   stack: "Planes, from : to : count",
-  disparity: "Disparity of the plane, in pixels",
+  disparity: "Disparity of the plane, in pixels a view",
   epi: "Row y=120, or column x=80",
 };
 

@@ -48,7 +48,7 @@ def test_every_view_is_in_its_place(tmp_path):
     with save(field, tmp_path / "a.zip") as archive:
         described = json.loads(archive.read("light_field.json"))
         coarse, *fine = described.pop("tiles")
-        assert described == {"rows": 3, "cols": 4, "height": 33, "width": 50, "depth_sense": "cameras"}
+        assert described == {"rows": 3, "cols": 4, "height": 33, "width": 50, "depth_sense": "cameras", "scale": 1}
         found = {view: pixels for tile in fine for view, pixels in read_views(archive, tile, 4)}
         small = dict(read_views(archive, coarse, 4))
     assert sorted(found) == sorted(small) == list(np.ndindex(3, 4))

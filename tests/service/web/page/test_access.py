@@ -25,7 +25,7 @@ def show_upscaled(page):
 
 
 def show_notes(page):
-    go_to(page, "#file=a&lenses=20x20&pixels=3x3")
+    go_to(page, "#file=cube.obj&lenses=20x20&pixels=3x3")
     choose(page, ("cube.obj", b"mtllib gone.mtl\nv -1 -1 0\nv 1 -1 0\nv 0 1 0\nf 1 2 3\n"))
     wait_for_picture(page, 40, 40)
     expect(page.locator("#notes")).to_contain_text("gone.mtl")

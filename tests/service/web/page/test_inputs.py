@@ -2,6 +2,7 @@
 
 import shutil
 from pathlib import Path
+from urllib.parse import quote
 
 import pytest
 from playwright.sync_api import expect
@@ -9,7 +10,7 @@ from playwright.sync_api import expect
 from ciir.renderer.writers.pictures import encode_png
 from tests.support.browser import needs_browser
 from tests.support.browser.page import choose, drop, go_to, wait_for_picture
-from tests.support.inputs import CUBE, make_picture
+from tests.support.inputs import CUBE, EIA_PNG, make_picture
 
 pytestmark = [needs_browser, pytest.mark.slow]
 MARKUP = "<img src=x onerror=alert(1)>"
@@ -75,6 +76,32 @@ def test_a_file_is_dropped(page, tmp_path):
     wait_for_picture(page, 40, 40)
 
 
+@pytest.mark.parametrize("way", ["open", "reload"])
+def test_another_file_has_settings_of_its_own(page, way):
+    go_to(page, "#file=cube.off&lenses=20x20&pixels=3x3&rotate=0,90,0&show=mapped&v=1&u=2&focus=1.5")
+    choose(page, ("cube.off", CUBE))
+    wait_for_picture(page, 20, 20)
+    if way == "reload":
+        page.reload()
+        expect(page.locator("#again")).to_have_text("Choose cube.off again; its settings are kept.")
+    choose(page, ("eia.png", EIA_PNG))
+    expect(page.locator("#status")).to_contain_text("How many lenses")
+    assert page.url.endswith("/#file=eia.png&model=auto&scale=2&show=upscaled")
+
+
+def test_a_file_that_cannot_be_read_takes_the_settings_of_no_other(page):
+    page.expected = ["415"]
+    go_to(page, "#file=cube.off&lenses=20x20&pixels=3x3")
+    choose(page, ("cube.off", CUBE))
+    wait_for_picture(page, 40, 40)
+    choose(page, ("bad.obj", b"hello\n"))
+    expect(page.get_by_role("alert")).to_contain_text("bad.obj")
+    assert page.url.endswith("/#file=bad.obj")
+    page.go_back()
+    expect(page.locator("#again")).to_have_text("Choose cube.off again; its settings are kept.")
+    assert "lenses=20x20" in page.url
+
+
 def test_names_of_views_never_become_markup(no_markup, tmp_path):
     page = no_markup
     drop(page, make_views(tmp_path / MARKUP))
@@ -88,14 +115,14 @@ def test_names_of_views_never_become_markup(no_markup, tmp_path):
 
 def test_names_in_a_mesh_never_become_markup(no_markup):
     page = no_markup
-    go_to(page, "#file=a&lenses=20x20&pixels=3x3")
+    go_to(page, f"#lenses=20x20&pixels=3x3&file={quote(MARKUP)}.obj")
     choose(page, (f"{MARKUP}.obj", CUBE_OBJ.encode()))
     wait_for_picture(page, 40, 40)
     expect(page.locator("#notes")).to_contain_text(f"{MARKUP}.mtl")
 
 
 def test_a_mesh_gives_its_files_their_name(page):
-    go_to(page, "#file=a&lenses=20x20&pixels=3x3")
+    go_to(page, "#file=cube.obj&lenses=20x20&pixels=3x3")
     mesh = CUBE_OBJ.replace(f"{MARKUP}.mtl", "a.mtl")
     choose(page, ("a.mtl", f"newmtl {MARKUP}\n".encode()), ("cube.obj", mesh.encode()))
     wait_for_picture(page, 40, 40)
@@ -109,7 +136,7 @@ def test_a_mesh_comes_with_its_files(page, tmp_path, way):
     (folder / "cube.obj").write_text(CUBE_OBJ.replace(f"{MARKUP}.mtl", "a.mtl"))
     (folder / "a.mtl").write_text(f"newmtl {MARKUP}\nmap_Kd a.png\n")
     (folder / "a.png").write_bytes(encode_png(make_picture(8, 8)))
-    go_to(page, "#file=a&lenses=20x20&pixels=3x3")
+    go_to(page, f"#file=cube{'.zip' * (way == 'zip')}&lenses=20x20&pixels=3x3")
     expect(page.locator(".drop")).to_contain_text("An OBJ with its MTL and textures, a folder or a zip works too")
     drop(page, folder if way == "folder" else Path(shutil.make_archive(str(folder), "zip", folder)))
     wait_for_picture(page, 40, 40)

@@ -220,6 +220,8 @@ def test_a_cancelled_disparity_is_reported_in_plain_words(page):
     go_to(page, f"{SMALL}&show=around")
     box = page.get_by_role("checkbox", name="Disparity")
     hold_posts(page, "disparities")
+    box.wait_for()
+    wait_for_rest(page)  # the line then has the viewpoint
     box.check()
     page.get_by_role("button", name="Cancel").click()
     expect(page.locator(".light-field [role=status]")).to_have_text("Cancelled.")
@@ -266,7 +268,7 @@ def test_done_is_said_once_all_is_shown(page):
 
 
 def test_the_notes_of_a_report_are_in_sight_in_each_view(page):
-    go_to(page, "#file=a&lenses=20x20&pixels=3x3&show=mapped")
+    go_to(page, "#file=cube.obj&lenses=20x20&pixels=3x3&show=mapped")
     choose(page, ("cube.obj", b"mtllib gone.mtl\nv -1 -1 0\nv 1 -1 0\nv 0 1 0\nf 1 2 3\n"))
     note = page.locator("#notes p")
     shown = {"As mapped": "20 x 20", "Upscaled": "40 x 40", "Look around": "Disparity", "Compare": "Zoom"}

@@ -74,7 +74,19 @@ def test_the_lenses_of_an_elemental_image_array_are_found(page, server):
     choose(page, ("vase.png", page.request.post(f"{server}/v1/elementals", multipart=form).body()))
     wait_for_picture(page, 120, 120)
     expect(page.locator("#kind")).to_have_text("An elemental image array")
-    expect(page.locator("[name=pixels]")).to_have_value("10x10")
+    pixels = page.locator("[name=pixels]")
+    expect(pixels).to_have_value("10x10")
+    set_field(page, "lenses", "120x120")  # the guess is wrong
+    wait_for_picture(page, 240, 240)
+    expect(pixels).to_have_value("")
+
+
+@pytest.mark.parametrize("typed", ["20", " 20\u00d720", "20 X 20 "])
+def test_a_number_of_lenses_is_completed(page, typed):
+    open_scene(page)
+    set_field(page, "lenses", typed)
+    wait_for_picture(page, 40, 40)
+    expect(page.locator("[name=lenses]")).to_have_value("20x20")
 
 
 def test_zips_are_as_python_reads_them(page):
@@ -113,6 +125,17 @@ def test_an_invalid_setting_is_marked(page):
     set_field(page, "lenses", "10x10")
     wait_for_picture(page, 20, 20)
     expect(page.get_by_role("alert")).to_be_hidden()
+
+
+def test_an_error_is_gone_once_a_picture_that_was_made_before_is_shown(page):
+    open_scene(page)
+    page.expected = ["422"]
+    set_field(page, "lenses", "0x5")
+    expect(page.get_by_role("alert")).to_be_visible()
+    set_field(page, "lenses", "20x30")
+    expect(page.locator("#status")).to_contain_text("Done in")
+    expect(page.get_by_role("alert")).to_be_hidden()
+    expect(page.locator("[aria-invalid]")).to_have_count(0)
 
 
 def test_a_link_shows_the_same_picture(page, browser):
@@ -282,6 +305,29 @@ def test_what_one_clicks_is_sharp(page):
         around = read_canvas(page)[24:40, 30:50].astype(float)
         sharpness[away] = np.abs(np.diff(around, axis=1)).mean()
     assert sharpness[0] > 1.3 * max(sharpness[2], sharpness[-2]), sharpness
+
+
+@pytest.mark.parametrize("model", ["none", "bicubic&scale=3"])
+def test_the_disparity_in_focus_is_that_of_the_server(page, server, model):
+    form = {"scene": "vase", "lenses": "80x80", "pixels": "7x7"}
+    found = page.request.post(f"{server}/v1/disparities", multipart=form | {"format": "npy"}).body()
+    expected = np.load(io.BytesIO(found))[56, 40]
+    assert expected < -0.6  # behind the lenses
+    address = "&".join(f"{name}={value}" for name, value in form.items())
+    go_to(page, f"#{address}&show=around&model={model}&focus=0.25")
+    page.get_by_role("checkbox", name="Disparity").wait_for()
+    page.locator("#format").select_option("plane/png")
+    field = page.locator("#export-form [name=disparity]")
+    expect(field).to_have_value("0.25")
+    box = page.locator("canvas").bounding_box()
+    page.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.7 * box["height"])
+    expect(field).not_to_have_value("0.25")
+    assert float(field.input_value()) == pytest.approx(expected, abs=0.15)
+    assert f"focus={field.input_value()}&" in page.url
+    field.fill("-1")
+    page.locator("canvas").press("ArrowRight")
+    wait_for_rest(page)
+    expect(field).to_have_value("-1")  # the user's
 
 
 def test_networks_are_compared_with_the_truth(page):

@@ -38,7 +38,7 @@ def make_mesh(suffix):
 
 def open_mesh(page, suffix, settings):
     """Opens the mesh with the settings of an address, and waits for the server's picture."""
-    page.goto(f"{page.url.partition('#')[0]}#file=a&lenses={SIZE}x{SIZE}&show=mapped&{settings}")
+    page.goto(f"{page.url.partition('#')[0]}#file=a.{suffix}&lenses={SIZE}x{SIZE}&show=mapped&{settings}")
     page.reload()
     choose(page, (f"a.{suffix}", make_mesh(suffix)))
     wait_for_picture(page, SIZE, SIZE)

@@ -15,6 +15,7 @@ pytestmark = [needs_browser, pytest.mark.slow]
 LONG = "#scene=vase&lenses=500x500&pixels=15x15&show=around"
 """The address of a job that takes many seconds."""
 KEY = "a-secret-key"
+EURO_KEY = "a-secret-\u20ac"
 UNFINISHED = re.compile("waiting|running")
 
 
@@ -97,9 +98,12 @@ def test_a_key_is_kept_as_long_as_the_tab_alone(browser, tmp_path):
         page = context.new_page()
         page.goto(f"{server.url}#file=eia.png&lenses=6x9&show=mapped")
         choose(page, ("eia.png", EIA_PNG))
-        for key in ("wrong", KEY):
-            page.get_by_label("Key of this server").fill(key)
-            page.get_by_role("button", name="Use key").click()
+        for key in ("wrong", "wrong\u20ac", f"\u200b {KEY[:4]}\u200b{KEY[4:]} \ufeff"):
+            with page.expect_response("**/v1/inspections"):
+                page.get_by_label("Key of this server").fill(key)
+                page.get_by_role("button", name="Use key").click()
+            if "wrong" in key:
+                expect(page.get_by_role("alert")).to_contain_text("the API key is not known")
         wait_for_picture(page, 6, 9)
         expect(page.locator("[name=model] option").nth(1)).to_be_attached()
         page.get_by_role("radio", name="Look around").check()
@@ -116,6 +120,16 @@ def test_a_key_is_kept_as_long_as_the_tab_alone(browser, tmp_path):
         choose(other, ("eia.png", EIA_PNG))
         expect(other.get_by_label("Key of this server")).to_be_visible()
         context.close()
+
+
+def test_a_key_may_have_any_character(browser, tmp_path):
+    with serve_app(tmp_path, api_keys=EURO_KEY) as server:
+        page = browser.new_page()
+        page.goto(f"{server.url}{SMALL}")
+        page.get_by_label("Key of this server").fill(EURO_KEY)
+        page.get_by_role("button", name="Use key").click()
+        wait_for_picture(page, 40, 60)
+        page.context.close()
 
 
 def test_networks_that_the_server_cannot_run_are_not_offered(page):
