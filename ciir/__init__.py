@@ -39,7 +39,7 @@ _MODULES = {
     "LightField": "ciir.renderer.light_field",
     **dict.fromkeys(("Reconstruction", "open", "reconstruct", "render", "upscale"), "ciir.service.interface"),
 }
-"""Where the names of `__all__` are that are no errors."""
+"""The modules of the names in `__all__`; the others are errors, of `ciir.errors`."""
 __all__ = [
     "BackendUnavailable",
     "DepthScale",

@@ -23,9 +23,7 @@ def advise_levels(views: Any) -> str:
 
     Resampled numbers lie a little outside of their range, so floating-point ones belong to a range up to twice its end.
     """
-    if not isinstance(views, np.ndarray):
-        return "numpy.array(views, 'u1')"
-    if views.dtype.kind not in "iuf" or not views.size:
+    if not isinstance(views, np.ndarray) or views.dtype.kind not in "iuf" or not views.size:
         return "(255 * views).round().astype('u1')"
     low, high = views.min(), views.max()
     beyond = 2 if views.dtype.kind == "f" else 1

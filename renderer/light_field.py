@@ -53,9 +53,12 @@ class LightField:
         if isinstance(views, np.ndarray) and not views.dtype.isnative:
             views = views.astype(views.dtype.newbyteorder("="))
             object.__setattr__(self, "views", views)
-        if not isinstance(views, np.ndarray) or views.dtype not in (np.uint8, np.uint16):
-            kind = views.dtype.name if isinstance(views, np.ndarray) else type(views).__name__
-            raise InvalidOption(f"views: {kind} is not taken; give uint8 or uint16, as in {advise_levels(views)}")
+        if not isinstance(views, np.ndarray):
+            raise InvalidOption(f"views: {type(views).__name__} is not taken; give a numpy array of uint8 or uint16")
+        if views.dtype not in (np.uint8, np.uint16):
+            raise InvalidOption(
+                f"views: {views.dtype.name} is not taken; give uint8 or uint16, as in {advise_levels(views)}"
+            )
         if views.ndim != 5 or 0 in views.shape or views.shape[4] > 4:
             raise InvalidOption(
                 f"views: an array of shape {views.shape} is not taken; give (V, U, H, W, C) with 1 to 4 channels"
@@ -73,7 +76,7 @@ class LightField:
         Raises `InvalidOption` for anything but one to four slices that go forwards and leave something.
         """
         slices = slices if isinstance(slices, tuple) else (slices,)
-        if len(slices) > 4 or not all(isinstance(part, slice) and (part.step or 1) > 0 for part in slices):
+        if not 1 <= len(slices) <= 4 or not all(map(_goes_forwards, slices)):
             raise InvalidOption(
                 "light field: give one to four slices that go forwards, as in [2:7, 2:7]; view(v, u) takes numbers, "
                 "and flip reverses"
@@ -298,7 +301,7 @@ class LightField:
 
         Raises `InvalidOption` where the lens grid doesn't divide the picture.
         """
-        if not isinstance(eia, np.ndarray) or eia.ndim not in (2, 3):
+        if not isinstance(eia, np.ndarray) or eia.ndim not in (2, 3) or not eia.size:
             given = f"an array of shape {eia.shape}" if isinstance(eia, np.ndarray) else type(eia).__name__
             raise InvalidOption(f"eia: {given} is not taken; give an array (rows, columns, channels)")
         if not all(isinstance(count, Integral) for count in (rows, cols)):
@@ -326,3 +329,11 @@ class LightField:
         if is_turned(pickup):
             blocks = blocks[:, ::-1, :, ::-1]
         return blocks.reshape(rows * pixels_v, cols * pixels_u, channels)
+
+
+def _goes_forwards(part: Any) -> bool:
+    """Whether `part` is a slice of whole numbers that doesn't reverse."""
+    if not isinstance(part, slice):
+        return False
+    numbers = [number for number in (part.start, part.stop, part.step) if number is not None]
+    return all(isinstance(number, Integral) for number in numbers) and (part.step is None or part.step > 0)

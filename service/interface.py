@@ -280,7 +280,7 @@ def reconstruct(source: Given, *, progress: Progress | None = None, **options: A
     name or a number. Text is read as on the command line.
     `progress(done, total)` counts views.
 
-    Raises `ciir.Error`; options of files that are written, such as `fps`, are refused, as nothing is.
+    Raises `ciir.Error`; options of files, such as `fps`, are refused, as no file is written.
     """
     names = [name for name in RECONSTRUCTION if name not in WRITING]
     writer = MemoryWriter()

@@ -25,7 +25,7 @@ def order_as_cameras(light_field: LightField) -> Pixels:
     """All views, `(V, U, h, w, c)` with 1 or 3 channels, v from the uppermost camera and u from the leftmost.
 
     A pixel further to the right under a lens sees further to the right, as a camera further to the left does: views of
-    a lens array are taken in the opposite order. What is see-through is laid over black.
+    a lens array are taken in the opposite order. Views with alpha are laid over black.
     """
     views = light_field.views if light_field.depth_sense == "cameras" else light_field.views[::-1, ::-1]
     if views.shape[4] in (1, 3):

@@ -73,7 +73,7 @@ def resample_panel(
     `views`: `(V, U, h, w, c)`, grey or RGB, of a camera array: v from the top, u from the left. The whole of a view
     fits into the panel, and all views together into the angles that a lens shows. What has `disparity`, in pixels
     from view to view, lies in the plane of the lenses: the reference plane of SPOC. Where lenses show more directions
-    than there are views, views between them are interpolated. Around the views is black.
+    than there are views, views between them are interpolated. Around the views it is black.
     """
     reduced = _find_factor(views.shape[2:4], display)
     views = reduce_views(views, reduced) if reduced > 1 else views

@@ -108,7 +108,18 @@ def estimate_disparity(
     not there, and for limits that are not in order or over the longer side of a view; `TooLarge` for more than
     `MOST_COSTS` pixels times disparities.
     """
-    views = _raise_levels(light_field).views
+    return _estimate(_raise_levels(light_field), view, limits, beyond, extra)
+
+
+def _estimate(
+    light_field: LightField,
+    view: View | None,
+    limits: tuple[float, float] | None,
+    beyond: float = 0.0,
+    extra: Callable[[float], NDArray[np.float32]] | None = None,
+) -> DisparityMap:
+    """As `estimate_disparity`, of views that use all bits."""
+    views = light_field.views
     height, width = views.shape[2:4]
     check_views(views)
     view = center_view(*views.shape[:2]) if view is None else _read_view(view)
@@ -214,7 +225,7 @@ def estimate_disparities(
         limits = find_limits(light_field.views)
         notes += note_reach(limits, light_field.views.shape[2:4])
     for view in parse_views("all", *light_field.views.shape[:2]) if views is None else views:
-        found = estimate_disparity(light_field, view, limits=limits)
+        found = _estimate(light_field, view, limits)
         yield replace(found, notes=(*notes, *found.notes))
 
 
@@ -243,13 +254,17 @@ def check_views(views: NDArray[Any]) -> None:
 
 
 def _read_view(view: Any) -> View:
-    if np.shape(view) != (2,):
+    if not _is_pair(view):
         raise InvalidOption(f"view: {view!r} is no view; give its row and column, as in (4, 4)")
     return view[0], view[1]
 
 
+def _is_pair(value: Any) -> bool:
+    return isinstance(value, tuple | list | np.ndarray) and len(value) == 2 and all(isinstance(x, Real) for x in value)
+
+
 def _check_limits(limits: Any, side: int) -> None:
-    if np.shape(limits) != (2,) or not all(isinstance(limit, Real) for limit in limits):
+    if not _is_pair(limits):
         raise InvalidOption(f"limits: {limits!r} is no range; give two numbers, as in (-1.5, 2)")
     if not limits[0] < limits[1]:
         raise InvalidOption(f"limits: {limits[0]:g} to {limits[1]:g} is no range; give the smaller disparity first")

@@ -66,7 +66,10 @@ def add_frames(source: Source, *, white: str | PathLike[str] | None, dark: str |
         if not is_picture(path.name):
             raise InvalidOption(f"{name}: {path} is no picture; give one as large as the raw picture, such as a PNG")
     if not isinstance(source, Bundle) or source.main is None or not is_picture(source.main):
-        raise InvalidOption(f"{', '.join(paths)}: frames go with one raw lenslet picture; give that as the input")
+        raise InvalidOption(
+            f"{', '.join(paths)}: frames go with one raw lenslet picture; give that as the input, with its suffix, "
+            "such as .png"
+        )
     frames = {f"frames/{name}{path.suffix}": read_file(path, source.limits) for name, path in paths.items()}
     return replace(source, main=None, files={source.main: source.files[source.main]} | frames)
 

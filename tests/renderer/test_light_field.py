@@ -174,7 +174,9 @@ def test_slices_take_a_part_and_keep_the_rest():
     np.testing.assert_array_equal(field[3:].views, views[3:])
 
 
-@pytest.mark.parametrize("wrong", [0, (0, 0), np.s_[::-1], np.s_[:, :, :, :, :1], None, "v"])
+@pytest.mark.parametrize(
+    "wrong", [0, (0, 0), (), np.s_[::-1], np.s_[::0], np.s_[::1.5], np.s_["a":], np.s_[:, :, :, :, :1], None, "v"]
+)
 def test_what_is_no_part(wrong):
     with pytest.raises(InvalidOption, match="light field: give one to four slices that go forwards"):
         LightField(np.zeros((2, 2, 3, 3, 1), np.uint8))[wrong]
@@ -239,6 +241,7 @@ def test_a_grey_array_has_one_channel():
     ("eia", "rows", "words"),
     [
         ([[1]], 1, "eia: list is not taken; give an array"),
+        (np.zeros((0, 4, 3), np.uint8), 1, r"eia: an array of shape \(0, 4, 3\) is not taken"),
         (np.zeros(4, np.uint8), 1, r"eia: an array of shape \(4,\) is not taken"),
         (np.zeros((4, 4, 3), np.uint8), 2.0, "lenses: 2.0 and 2 are no whole numbers"),
     ],

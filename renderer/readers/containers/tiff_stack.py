@@ -30,17 +30,15 @@ _LONGEST_DESCRIPTION = 65_536
 
 
 def is_stack(data: bytes) -> bool:
-    """Whether a TIFF has more than one page, or says that its page is the only view; False where it can't be opened,
-    which the reader of pictures reports.
+    """Whether a TIFF has more than one page, or says as ours do that its page is the only view; False where it can't be
+    opened, which the reader of pictures reports.
     """
     try:
         with tifffile.TiffFile(io.BytesIO(data)) as file:
             first = file.pages.first
             described = _parse_description(first.description)
-            is_one_view = (described.get("grid"), described.get("size")) == (
-                (1, 1),
-                (first.imagelength, first.imagewidth),
-            )
+            one = {"grid": (1, 1), "size": (first.imagelength, first.imagewidth)}
+            is_one_view = described.get("depth_sense") is not None and described.items() >= one.items()
             return len(file.pages) > 1 or is_one_view
     except MemoryError:
         raise

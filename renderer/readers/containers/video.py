@@ -48,7 +48,7 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     with _open(data, name, limits) as (file, stream):
         if layout.selects_frame:
             return _read_eia(map(_convert, file.decode(stream)), name, layout)
-        frames = len(_list_packets(file, stream))
+        frames = sum(1 for _ in _list_packets(file, stream))
     rows, columns = layout.pixels or (1, frames)
     if rows * columns != frames:
         raise InvalidOption(
@@ -65,7 +65,7 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
 def list_times(data: bytes, name: str, limits: Limits) -> tuple[tuple[int, int], list[float]]:
     """The height and width of the frames of a video, and the time of each in seconds, from 0 on. Raises as `read`."""
     with _open(data, name, limits) as (file, stream):
-        packets = _list_packets(file, stream)
+        packets = list(_list_packets(file, stream))
         size, step = (stream.height, stream.width), float(1 / (stream.average_rate or 30))
     stamps = sorted(float(packet.pts * packet.time_base) for packet in packets if packet.pts is not None)
     if len(stamps) < len(packets):
@@ -89,7 +89,7 @@ def read_frames(data: bytes, name: str, limits: Limits, *, first: int, count: in
 
 @contextmanager
 def _open(data: bytes, name: str, limits: Limits) -> Iterator[tuple[InputContainer, VideoStream]]:
-    """The file, by no other demuxer than its first bytes ask for, and its first video stream."""
+    """The file, read as the format of its first bytes and no other, and its first video stream."""
     container = next((known for start, known in _CONTAINERS.items() if data.startswith(start)), "mp4")
     with av.open(io.BytesIO(data), "r", format=container) as file:
         yield file, _open_stream(file, name, limits)
@@ -112,9 +112,9 @@ def _open_stream(file: InputContainer, name: str, limits: Limits) -> VideoStream
     return stream
 
 
-def _list_packets(file: InputContainer, stream: VideoStream) -> list[Packet[VideoStream]]:
-    """A packet for each frame: the number in the header may be missing or wrong."""
-    return [packet for packet in file.demux(stream) if packet.size > 0]
+def _list_packets(file: InputContainer, stream: VideoStream) -> Iterator[Packet[VideoStream]]:
+    """A packet for each frame, one after the other: the number in the header may be missing or wrong."""
+    return (packet for packet in file.demux(stream) if packet.size > 0)
 
 
 def _convert(frame: VideoFrame) -> NDArray[Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
@@ -29,7 +30,10 @@ def _make_colons(pattern: str, needed: str, example: str) -> ValueType:
     """Numbers with colons between them."""
 
     def convert(value: Any) -> Any:
-        return made.read("value", made.write(tuple(float(number) for number in value)))
+        text = made.write(tuple(float(number) for number in value))
+        if re.fullmatch(pattern, text) is None:
+            raise ValueError
+        return made.read("", text)
 
     made = make_form(
         pattern,

@@ -265,6 +265,16 @@ def shift_views(views):
     )
 
 
+@pytest.mark.parametrize("largest", [15, 100, 127, 1000])
+def test_dark_views_of_16_bits_have_the_same_disparity_alone_and_with_others(largest):
+    light_field, _ = make_light_field()
+    dark = LightField((light_field.views * (largest / 255)).astype(np.uint16))
+    (found,) = dark.disparities([(0, 0)])
+    alone = dark.disparity((0, 0))
+    np.testing.assert_array_equal(found.disparity, alone.disparity)
+    np.testing.assert_array_equal(found.confidence, alone.confidence)
+
+
 def test_16_bits_of_which_10_are_used_have_the_disparity_of_8():
     light_field, _ = make_light_field()
     dark = LightField(light_field.views.astype(np.uint16) * 4)

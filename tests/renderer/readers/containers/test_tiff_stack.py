@@ -111,6 +111,8 @@ def test_our_own_stack_of_one_view(tmp_path):
     found = read((tmp_path / "a.tif").read_bytes())
     np.testing.assert_array_equal(found.views, views)
     assert found.depth_sense == "cameras"
+    eia = make(views[0, 0][np.newaxis], ('{"shape": [1, 1, 5, 7, 3]}',))  # as tifffile describes any such array
+    assert read(eia, lenses=(5, 7)).shape == (1, 1, 5, 7, 3)
 
 
 def test_a_stack_that_is_cut_off_is_no_smaller_one():
