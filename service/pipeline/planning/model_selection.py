@@ -116,10 +116,12 @@ def _describe_wrong_order(job: Job) -> str:
 
 
 def _find_close_views(job: Job, mesh: Scene, light_field: Entry, single: Entry) -> tuple[CloseViews | None, str]:
-    """The close views of `mesh` that help, and what they cost; None where the array's own are close enough, or where
-    they are too many.
+    """The close views of `mesh` that help, and what they cost; None where the array's own are close enough, where close
+    ones are too many, and for several times, which are framed together after this. Nor is anything predicted for a
+    network that can't run, whose error names the remedy later.
     """
-    found = find_close_views(mesh, job.array, job.placement)
+    can_run = job.scale in light_field.scales and not light_field.unsupported_reason
+    found = find_close_views(mesh, job.array, job.placement) if can_run and job.times == 1 else None
     if found is None:
         return None, ""
     against, rendered = _judge_neighbours(job, mesh, light_field, single, found)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ciir.errors import InvalidOption
 from ciir.models.light_field.windows import WINDOW_SIDE
 from ciir.renderer.framing import frame_scene
 
@@ -54,10 +55,21 @@ class CloseViews:
 
 
 def find_close_views(mesh: Scene, array: LensArray, placement: Placement) -> CloseViews | None:
-    """The views that help best; None where the array's own are close enough."""
+    """The views that help best; None where the array's own are close enough, where the mesh's bounds are not what is
+    framed, so that what is seen isn't known, and where the refined array would be out of range.
+    """
+    if mesh.window is not None or placement.fit == "none":
+        return None
     matrix = frame_scene(mesh, array, placement)
     low, high = mesh.bounds()
     corners = np.array(list(product(*zip(low, high, strict=True), (1.0,))))
     moved = float(np.abs(corners @ matrix[2]).max()) * array.delta / array.pitch
     division = min(round(moved / MOVED), MOST)
-    return CloseViews(division) if division > 1 else None
+    if division < 2:
+        return None
+    found = CloseViews(division)
+    try:
+        found.refine(array)
+    except InvalidOption:
+        return None
+    return found

@@ -150,6 +150,14 @@ def test_close_views_are_rendered_where_that_takes_no_longer_than_the_neighbour_
     assert pictures(model).close_views is None
 
 
+def test_no_close_views_for_another_scale_and_for_several_times(stand_in, extra, close_views):
+    close_views(CloseViews(3))
+    extra(0.0)
+    assert mesh(LIGHT_FIELD_DEFAULT, scale=3).close_views is None  # whose loading says what it upscales by
+    assert mesh(LIGHT_FIELD_DEFAULT, wanted=[(0, 0)], time=(0.0, 1.0)).close_views is None
+    assert mesh(LIGHT_FIELD_DEFAULT, wanted=[(0, 0)]).close_views is not None
+
+
 def test_close_views_keep_to_the_limit_on_samples(stand_in, extra, close_views):
     close_views(CloseViews(2))
     extra(0.0)

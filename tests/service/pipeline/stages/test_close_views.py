@@ -1,5 +1,7 @@
 """Views of a mesh that only help: where they lie, and what they gain."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,6 +10,7 @@ from hypothesis import strategies as st
 from ciir.models.light_field.windows import list_window
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.placement import Placement
+from ciir.renderer.scene import Window
 from ciir.renderer.scenes import load_scene
 from ciir.renderer.writers.writer import MemoryWriter
 from ciir.service.pipeline.options import Options
@@ -49,6 +52,16 @@ def test_content_moves_by_at_most_a_pixel_between_close_views(lenses, place):
     moved = depth * array.delta / array.pitch / (1 if found is None else found.division)
     assert moved <= 1.08  # one and a half times what is best, where the division rounds down from below 1.5
     assert found is None or moved >= 0.54  # three quarters of it, where it rounds up to 2
+
+
+def test_the_views_of_the_array_help_where_what_is_seen_is_not_known():
+    mesh, array = load_scene("vase"), LensArray(200, 200, 15, 15)
+    assert find_close_views(mesh, array, Placement()) == CloseViews(4)
+    assert find_close_views(mesh, array, Placement(fit="none")) is None
+    window = Window(nearest=1.0, distance=2.0, farthest=3.0, half_height=1.0, half_width=None)
+    assert find_close_views(replace(mesh, window=window), array, Placement()) is None
+    wide = LensArray(200, 200, 3, 60_000, delta=0.03)
+    assert find_close_views(mesh, wide, Placement()) is None  # more directions than an array may have
 
 
 def _frame(mesh, array, place):
