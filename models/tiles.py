@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from ciir.models.parallel import is_parallel_faster, run_each
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -120,7 +123,7 @@ def pad_pictures(
 
 
 def run_in_tiles(
-    run: Callable[[NDArray[np.float32]], NDArray[np.float32]],
+    run: Callable[[NDArray[np.float32], int], NDArray[np.float32]],
     images: NDArray[np.float32],
     *,
     scale: int,
@@ -128,19 +131,28 @@ def run_in_tiles(
     tile_pixels: int,
     batch_pixels: int,
     multiple: int = 1,
+    cores: int = 1,
+    at_once: bool = False,
 ) -> NDArray[np.float32]:
     """Calls `run` on `(N, C, H, W)` in tiles; returns `(N, C, scale*H, scale*W)`, a new array.
 
-    `run` takes `(n, C, h, w)` and returns `(n, C, scale*h, scale*w)`; `radius`: its receptive field radius, in input
-    pixels. A tile has at most `tile_pixels` input pixels, and sides as in `split_picture`. Small pictures go in batches
-    of up to `batch_pixels` input pixels.
+    `run` takes `(n, C, h, w)` and a number of cores, and returns `(n, C, scale*h, scale*w)`; `radius`: its receptive
+    field radius, in input pixels. A tile has at most `tile_pixels` input pixels, and sides as in `split_picture`. Small
+    pictures go in batches of up to `batch_pixels` input pixels. Calls run one after the other on all `cores`; with
+    `at_once` many run in parallel, each on one.
     """
     count, channels, height, width = images.shape
     result = np.empty((count, channels, height * scale, width * scale), np.float32)
     batch = max(1, batch_pixels // (height * width))
-    for tile in split_picture(height, width, radius=radius, tile_pixels=tile_pixels, multiple=multiple):
-        source, target = tile.kept_in_tile(scale), tile.kept_in_picture(scale)
-        for first in range(0, count, batch):
-            part = slice(first, first + batch)
-            result[part, :, *target] = run(np.ascontiguousarray(images[part, :, *tile.region]))[:, :, *source]
+    parts = [slice(first, first + batch) for first in range(0, count, batch)]
+    tiles = split_picture(height, width, radius=radius, tile_pixels=tile_pixels, multiple=multiple)
+    calls = list(product(tiles, parts))
+    is_parallel = at_once and is_parallel_faster(len(calls), cores)
+
+    def upscale(call: tuple[Tile, slice]) -> None:
+        tile, part = call
+        large = run(np.ascontiguousarray(images[part, :, *tile.region]), 1 if is_parallel else cores)
+        result[part, :, *tile.kept_in_picture(scale)] = large[:, :, *tile.kept_in_tile(scale)]
+
+    run_each(upscale, calls, cores if is_parallel else 1)
     return result

@@ -18,7 +18,11 @@ class SingleImageNetwork(OnnxNetwork):
     """A network as an `Upscaler`."""
 
     def __call__(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
-        """See `Upscaler.__call__`. Large pictures run in tiles, small ones in batches."""
+        """See `Upscaler.__call__`. Large pictures run in tiles, small ones in batches.
+
+        Tiles of an int8 network run at once, each on one core: its layers are so short that cores which share them wait
+        a sixth of the time. Float networks gain at most a fifteenth, and take several times the memory.
+        """
         check_images(images)
         sizes = self.card.sizes
         padded, kept = tiles.pad_pictures(images, *sizes.round_up(*images.shape[2:]), scale=self.scale)
@@ -30,8 +34,10 @@ class SingleImageNetwork(OnnxNetwork):
             tile_pixels=TILE_PIXELS,
             batch_pixels=BATCH_PIXELS,
             multiple=sizes.multiple_of,
+            cores=self.threads,
+            at_once=self.card.precision == "int8",
         )
         return clip_output(np.ascontiguousarray(result[:, :, *kept]), self.name)
 
-    def _run(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
-        return self.run({self.card.input.name: images})[0]
+    def _run(self, images: NDArray[np.float32], cores: int) -> NDArray[np.float32]:
+        return self.run({self.card.input.name: images}, cores)[0]

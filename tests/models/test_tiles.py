@@ -68,22 +68,32 @@ def blur(images: np.ndarray, reach: int) -> np.ndarray:
     "shape", [(1, 3, 40, 53), (3, 3, 9, 64), (2, 1, 61, 7), (7, 3, 5, 5), (2, 3, 1, 1), (0, 3, 4, 4)]
 )
 @pytest.mark.parametrize("radius", [2, 3])
-def test_tiled_equals_whole(shape, radius):
+@pytest.mark.parametrize("at_once", [False, True])
+def test_tiled_equals_whole(shape, radius, at_once):
     images = np.random.default_rng(1).integers(0, 9, shape).astype(np.float32)
-    got = tiles.run_in_tiles(lambda x: blur(x, 2), images, scale=2, radius=radius, tile_pixels=144, batch_pixels=60)
+    got = tiles.run_in_tiles(
+        lambda x, _: blur(x, 2),
+        images,
+        scale=2,
+        radius=radius,
+        tile_pixels=144,
+        batch_pixels=60,
+        cores=2,
+        at_once=at_once,
+    )
     assert np.array_equal(got, blur(images, 2))
 
 
 def test_a_halo_one_pixel_too_small_shows():
     images = np.ones((1, 3, 40, 53), np.float32)
-    got = tiles.run_in_tiles(lambda x: blur(x, 2), images, scale=2, radius=1, tile_pixels=144, batch_pixels=60)
+    got = tiles.run_in_tiles(lambda x, _: blur(x, 2), images, scale=2, radius=1, tile_pixels=144, batch_pixels=60)
     assert not np.array_equal(got, blur(images, 2))
 
 
 def test_batches_and_tiles_stay_within_their_limits():
     shapes = []
 
-    def run(images: np.ndarray) -> np.ndarray:
+    def run(images: np.ndarray, _: int) -> np.ndarray:
         shapes.append(images.shape)
         return images
 
@@ -93,6 +103,21 @@ def test_batches_and_tiles_stay_within_their_limits():
     tiles.run_in_tiles(run, np.zeros((2, 3, 50, 50), np.float32), scale=1, radius=1, tile_pixels=400, batch_pixels=100)
     assert {shape[0] for shape in shapes} == {1}
     assert max(shape[2] * shape[3] for shape in shapes) <= 400
+
+
+@pytest.mark.parametrize(
+    ("sides", "at_once", "used"), [((20, 20), True, {4}), ((40, 40), True, {1}), ((40, 40), False, {4})]
+)
+def test_many_tiles_have_a_core_each(sides, at_once, used):
+    found = set()
+
+    def run(images: np.ndarray, cores: int) -> np.ndarray:
+        found.add(cores)
+        return images
+
+    images = np.zeros((1, 3, *sides), np.float32)
+    tiles.run_in_tiles(run, images, scale=1, radius=1, tile_pixels=144, batch_pixels=1, cores=4, at_once=at_once)
+    assert found == used
 
 
 def test_a_tile_of_a_tile_keeps_no_more_than_it():

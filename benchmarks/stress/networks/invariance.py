@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -99,12 +100,21 @@ def tile_sizes(effort: Effort) -> Iterator[Found]:
         sides = (48,) if effort.quick else (2 * card.radius + 8, 40, 48, 64, 97)
         tiled = [
             tiles.run_in_tiles(
-                network, image, scale=card.scale, radius=card.radius, tile_pixels=side * side, batch_pixels=1
+                partial(_run_whole, network),
+                image,
+                scale=card.scale,
+                radius=card.radius,
+                tile_pixels=side * side,
+                batch_pixels=1,
             )
             for side in sides
         ]
         names = [f"tiles of {side}x{side}" for side in sides]
         yield bound_difference("in tiles", name, np.concatenate(tiled) - whole, names, int8_rms=INT8_STEP)
+
+
+def _run_whole(network: Callable[[Values], Values], images: Values, _: int) -> Values:
+    return network(images)
 
 
 CASES: tuple[Case, ...] = (shifts, symmetries, order, threads, tile_sizes)

@@ -78,9 +78,9 @@ def test_calls_from_many_threads(paper):
 def test_the_network_gets_only_sizes_that_it_takes(paper, sizes, monkeypatch):
     given = []
 
-    def run(images):
+    def run(images, cores):
         given.append(images.shape[2:])
-        return SingleImageNetwork._run(paper, images)
+        return SingleImageNetwork._run(paper, images, cores)
 
     monkeypatch.setattr(TILE_PIXELS, 48 * 48)
     monkeypatch.setattr(paper, "card", dataclasses.replace(paper.card, sizes=sizes))
