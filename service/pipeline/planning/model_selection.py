@@ -116,9 +116,9 @@ def _describe_wrong_order(job: Job) -> str:
 
 
 def _find_close_views(job: Job, mesh: Scene, light_field: Entry, single: Entry) -> tuple[CloseViews | None, str]:
-    """The close views of `mesh` that help, and what they cost; None where the array's own are close enough, where close
-    ones are too many, and for several times, which are framed together after this. Nor is anything predicted for a
-    network that can't run, whose error names the remedy later.
+    """The close views of `mesh` that help, and what they cost; None where they are too many, and for several times,
+    which are framed together after this. Nor is anything predicted for a network that can't run, whose error names the
+    remedy later.
     """
     can_run = job.scale in light_field.scales and not light_field.unsupported_reason
     found = find_close_views(mesh, job.array, job.placement) if can_run and job.times == 1 else None
@@ -146,7 +146,7 @@ def _judge_neighbours(
     times = f"about {extra:.0f} ms more than {single.name} alone, and neighbour_time allows {bound:.0f} ms"
     if extra > bound:
         return f"{light_field.name} would need {neighbours} more views rendered around those asked for: {times}", ""
-    close = f", {close_views.division} times as close as the lens array's," if close_views else ""
+    close = f", {close_views.spacing:.2g} times as far apart as the lens array's," if close_views else ""
     return "", f"; {neighbours} more{close} are rendered around those asked for: {times}"
 
 

@@ -1,13 +1,14 @@
-"""Views of a mesh that only help a light-field network, close to the view that they help.
+"""Views of a mesh that only help a light-field network, at the distance from the view that they help which suits it.
 
 What a network gains from other views are samples between those of the wanted one. Views of a lens array are often
-further apart than that needs: then they see around the object, and its outline is drawn too wide. Of a mesh any view
-can be rendered, so those that help lie `division` times as close to each other as the array's.
+further apart than that needs: then they see around the object, and its outline is drawn too wide. Of a shallow object,
+or before few lenses, they are too close to differ. Of a mesh any view can be rendered, so each view of the array gets
+a window of its own.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -16,47 +17,69 @@ import numpy as np
 from ciir.errors import InvalidOption
 from ciir.models.light_field.windows import WINDOW_SIDE
 from ciir.renderer.framing import frame_scene
+from ciir.renderer.lens_array import LensArray
 
 if TYPE_CHECKING:
-    from ciir.renderer.lens_array import LensArray
+    from numpy.typing import NDArray
+
     from ciir.renderer.placement import Placement
     from ciir.renderer.scene import Scene
     from ciir.renderer.views import View
 
 MOVED = 0.72
 """Pixels that the farthest content best moves by from one view to the next: docs/experiments.md."""
-MOST = 32
-"""The largest division."""
-_MARGIN = WINDOW_SIDE // 2
+LEAST = 1 / 32
+"""The least spacing."""
+
+
+@dataclass(frozen=True)
+class WindowArray(LensArray):
+    """A lens array with a window of `WINDOW_SIDE` directions down and across around each of another's."""
+
+    spacing: float = 1.0
+    """Between the directions of a window, in those of the other array."""
+
+    def tangent_x(self) -> NDArray[np.float64]:
+        """tx of each pixel column, window by window."""
+        return self._spread(self.pixels_u)
+
+    def tangent_y(self) -> NDArray[np.float64]:
+        """ty of each pixel row from the top down, window by window."""
+        return -self._spread(self.pixels_v)
+
+    def _spread(self, pixels: int) -> NDArray[np.float64]:
+        count = pixels // WINDOW_SIDE
+        own = np.arange(count) - (count - 1) / 2
+        around = (np.arange(WINDOW_SIDE) - WINDOW_SIDE // 2) * self.spacing
+        return np.asarray((own[:, np.newaxis] + around).ravel() * self.delta)
 
 
 @dataclass(frozen=True)
 class CloseViews:
-    """The grid of views that has those of a lens array, `division` - 1 views between two of them, and so many around
-    them that each of the array's is in the middle of its window.
-    """
+    """The grid of views in which each of a lens array is in the middle of a window of its own."""
 
-    division: int
+    spacing: float
+    """Between neighbouring views of a window, in that of the array's."""
 
     def list_grid(self, grid: View) -> View:
         """Rows and columns of the grid for an array of `grid` views."""
-        rows, cols = (self.division * (count - 1) + 1 + 2 * _MARGIN for count in grid)
-        return rows, cols
+        return WINDOW_SIDE * grid[0], WINDOW_SIDE * grid[1]
 
     def find_place(self, view: View) -> View:
         """The place in the grid of the array's view."""
-        v, u = (self.division * number + _MARGIN for number in view)
+        v, u = (WINDOW_SIDE * number + WINDOW_SIDE // 2 for number in view)
         return v, u
 
-    def refine(self, array: LensArray) -> LensArray:
-        """The lens array whose views are the grid."""
+    def refine(self, array: LensArray) -> WindowArray:
+        """The lens array whose views are the grid. Raises `InvalidOption` where it has too many."""
+        kept = {field.name: getattr(array, field.name) for field in fields(LensArray)}
         rows, cols = self.list_grid((array.pixels_v, array.pixels_u))
-        return replace(array, pixels_v=rows, pixels_u=cols, delta=array.delta / self.division)
+        return WindowArray(**kept | {"pixels_v": rows, "pixels_u": cols}, spacing=self.spacing)
 
 
 def find_close_views(mesh: Scene, array: LensArray, placement: Placement) -> CloseViews | None:
-    """The views that help best; None where the array's own are close enough, where the mesh's bounds are not what is
-    framed, so that what is seen isn't known, and where the refined array would be out of range.
+    """The views that help best, no further apart than that the array's views hold a window; None where the mesh's
+    bounds are not what is framed, so that what is seen isn't known, and where the grid would be out of range.
     """
     if mesh.window is not None or placement.fit == "none":
         return None
@@ -64,10 +87,8 @@ def find_close_views(mesh: Scene, array: LensArray, placement: Placement) -> Clo
     low, high = mesh.bounds()
     corners = np.array(list(product(*zip(low, high, strict=True), (1.0,))))
     moved = float(np.abs(corners @ matrix[2]).max()) * array.delta / array.pitch
-    division = min(round(moved / MOVED), MOST)
-    if division < 2:
-        return None
-    found = CloseViews(division)
+    most = max(1.0, (min(array.pixels_v, array.pixels_u) - 1) / (WINDOW_SIDE - 1))
+    found = CloseViews(max(LEAST, most if moved * most <= MOVED else MOVED / moved))
     try:
         found.refine(array)
     except InvalidOption:

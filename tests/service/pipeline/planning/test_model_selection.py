@@ -139,11 +139,11 @@ def test_a_light_field_network_that_is_named_has_the_views_around_rendered(stand
 def test_close_views_are_rendered_where_that_takes_no_longer_than_the_neighbour_time(
     stand_in, extra, close_views, model
 ):
-    close_views(CloseViews(3))
+    close_views(CloseViews(0.25))
     extra(700.0)
     choice = mesh(model, wanted=[(0, 0), (3, 4)])
-    assert choice.close_views == CloseViews(3)
-    assert "48 more, 3 times as close as the lens array's, are rendered around those asked for: " in choice.reasons[0]
+    assert choice.close_views == CloseViews(0.25)
+    assert "48 more, 0.25 times as far apart as the lens array's, are rendered around those asked" in choice.reasons[0]
     assert mesh(model, wanted=[(0, 0)], neighbour_time=0.6).close_views is None
     assert mesh(model, neighbour_time=0.0).close_views is None
     assert mesh(model, neighbour_time=0.0).is_light_field  # all are wanted, and help each other
@@ -151,7 +151,7 @@ def test_close_views_are_rendered_where_that_takes_no_longer_than_the_neighbour_
 
 
 def test_no_close_views_for_another_scale_and_for_several_times(stand_in, extra, close_views):
-    close_views(CloseViews(3))
+    close_views(CloseViews(0.25))
     extra(0.0)
     assert mesh(LIGHT_FIELD_DEFAULT, scale=3).close_views is None  # whose loading says what it upscales by
     assert mesh(LIGHT_FIELD_DEFAULT, wanted=[(0, 0)], time=(0.0, 1.0)).close_views is None
@@ -159,11 +159,11 @@ def test_no_close_views_for_another_scale_and_for_several_times(stand_in, extra,
 
 
 def test_close_views_keep_to_the_limit_on_samples(stand_in, extra, close_views):
-    close_views(CloseViews(2))
+    close_views(CloseViews(0.5))
     extra(0.0)
     limit = {"lenses": (10, 10), "max_pixels": 10_000}  # the 4x5 views alone are 2,000
     assert (mesh(**limit).is_light_field, mesh(**limit).close_views) == (True, None)
-    assert mesh(**limit | {"max_pixels": 100_000}).close_views == CloseViews(2)
+    assert mesh(**limit | {"max_pixels": 100_000}).close_views == CloseViews(0.5)
 
 
 def test_other_models_are_taken_at_their_word(stand_in):

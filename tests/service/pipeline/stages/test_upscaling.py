@@ -15,6 +15,7 @@ from ciir.renderer.writers.writer import MemoryWriter
 from ciir.service.pipeline import run as pipeline
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.pictures import upscale_files
+from ciir.service.pipeline.planning import model_selection
 from ciir.service.pipeline.run import reconstruct
 from ciir.service.pipeline.source import Input
 from ciir.service.pipeline.stages import schedule, view_sources
@@ -31,6 +32,12 @@ def run(source, **options):
     writer = MemoryWriter()
     report = reconstruct(source, Options(**options), writer)
     return writer.views, report
+
+
+@pytest.fixture
+def own_views(monkeypatch):
+    """Has the lens array's own views help those of a mesh."""
+    monkeypatch.setattr(model_selection, "find_close_views", lambda *_: None)
 
 
 def as_array(views, grid):
@@ -97,7 +104,7 @@ def test_alpha_that_is_full_everywhere_is_kept_and_no_hindrance(stand_in, channe
 
 
 @pytest.mark.parametrize("pixels", [1, 2000, 4_000_000])
-def test_a_mesh_is_rendered_once_whatever_the_batches(cube, stand_in, monkeypatch, pixels):
+def test_a_mesh_is_rendered_once_whatever_the_batches(cube, stand_in, own_views, monkeypatch, pixels):
     plain, _ = run(cube, views="all", model="none", **MESH)
     field = as_array(plain, (5, 6))
     monkeypatch.setattr(schedule, "BATCH_PIXELS", pixels)
@@ -132,7 +139,7 @@ def test_views_are_dropped(cube, stand_in, monkeypatch):
     assert set(kept[30:]) == {1}
 
 
-def test_of_a_mesh_only_the_views_around_are_rendered(cube, stand_in, monkeypatch):
+def test_of_a_mesh_only_the_views_around_are_rendered(cube, stand_in, own_views, monkeypatch):
     rendered = []
     make = view_sources.MeshViews.make_views
     monkeypatch.setattr(
