@@ -28,13 +28,14 @@ from ciir.benchmarks.bench.work import reconstruct_views
 from ciir.benchmarks.machine import describe
 from ciir.cores import count_available_cores
 from ciir.models import catalogue
-from ciir.models.light_field.views import list_required_views, upscale_views
+from ciir.models.light_field.strides import choose_stride, list_spaced_views, upscale_spaced_views
 from ciir.models.sessions import open_session
 from ciir.models.single.pixels import upscale_pixels
 from ciir.renderer.backends import open_backend
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.view_order.motion import measure_motion
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service.pipeline.elemental import render_eia
@@ -183,8 +184,9 @@ def make_work(views: NDArray[Any], count: int) -> Work:
     network = catalogue.load_light_field_network(catalogue.light_field_default_name())
     fallback = catalogue.load_upscaler(catalogue.default_name())
     wanted = [(grid[0] // 2, grid[1] // 2 + number) for number in range(count)]
-    pictures = {view: np.ascontiguousarray(views[view]) for view in list_required_views(wanted, grid)}
-    return partial(upscale_views, network, fallback, pictures, wanted, grid, finds_sampling=True)
+    stride = choose_stride(measure_motion(views), grid)
+    pictures = {view: np.ascontiguousarray(views[view]) for view in list_spaced_views(wanted, grid, stride)}
+    return partial(upscale_spaced_views, network, fallback, pictures, wanted, grid, stride=stride, finds_sampling=True)
 
 
 def upscale_array(source: Bundle, options: Options) -> NDArray[np.uint8]:

@@ -10,11 +10,12 @@ no disparity shows.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ciir.renderer.view_order.evidence import AROUND, ORDERS, REACH, TILE, correlate, fit_slopes, sweep_disparities
+from ciir.renderer.view_order.evidence import AROUND, ORDERS, REACH, correlate, fit_slopes, sweep_disparities
+from ciir.renderer.view_order.tiles import crop_middle, cut_tiles, find_tiles, make_luma
 from ciir.renderer.views import center_view
 
 if TYPE_CHECKING:
@@ -23,18 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ciir.renderer.view_order.evidence import Order, Plane
-
-    Pixels = NDArray[np.uint8] | NDArray[np.uint16]
-
-    class Views(Protocol):
-        """Views `(H, W, C)` by (v, u): an array `(V, U, H, W, C)`, or views that are decoded when used."""
-
-        @property
-        def shape(self) -> tuple[int, ...]:
-            """`(V, U, H, W, C)`."""
-
-        def __getitem__(self, view: tuple[int, int], /) -> Pixels:
-            """View (v, u)."""
+    from ciir.renderer.view_order.tiles import Views
 
 
 SWEEPS = ((1, 2), (1, 1), (4, 1), (1, 3))
@@ -43,12 +33,6 @@ small disparities. A smaller grid limits the step. All but the last look at the 
 SLOPES = (1, 2, 3)
 """Steps for which disparities are fitted to slopes of brightness, where no sweep settles the order: the views hardly
 differ."""
-TILES = 24
-"""Most tiles of a sweep."""
-LARGEST_SIDE = 640
-"""Only so many pixels along each side, in the middle of the views, are looked at."""
-LEAST_TEXTURE = 1.5 / 255
-"""Least root mean square of a tile's gradient in its weakest direction, in [0, 1] for each pixel."""
 LEAST_CORRELATION, CLEAR = 0.7, 0.65
 """A tile votes for the order that explains the views around with the highest mean correlation, where this is at least
 the first, and leaves at most the second as a share of what the next best order leaves unexplained."""
@@ -125,7 +109,7 @@ def estimate_order(views: Views) -> OrderEstimate:
     where content hardly moves.
     """
     largest = (min(views.shape[:2]) - 1) // 2
-    rows, cols = (slice(max(0, (side - LARGEST_SIDE) // 2), (side + LARGEST_SIDE) // 2) for side in views.shape[2:4])
+    crop = crop_middle(views)
     votes, votes_unwound = np.zeros((2, 2 * len(ORDERS)), np.intp)
     places: dict[int, list[tuple[int, int]]] = {}
     for factor, step in dict.fromkeys((factor, min(step, largest)) for factor, step in SWEEPS):
@@ -133,14 +117,14 @@ def estimate_order(views: Views) -> OrderEstimate:
         if largest and not is_settled:
             if factor not in places:
                 center = views[center_view(*views.shape[:2])]
-                places[factor] = _find_tiles(_make_luma(center[rows, cols], factor))
-            counted = _count_votes(views, (rows, cols), places[factor], factor, step)
+                places[factor] = find_tiles(make_luma(center[crop], factor))
+            counted = _count_votes(views, crop, places[factor], factor, step)
             votes, votes_unwound = votes + counted[0], votes_unwound + counted[1]
     for step in dict.fromkeys(min(step, largest) for step in SLOPES):
         # Only odd steps show whether every other row is reversed: they alone have votes in `votes_unwound`.
         is_settled = _sum_up(votes_unwound).is_certain or (step > 1 and _sum_up(votes).is_certain)
         if largest and not is_settled:
-            counted = _count_votes(views, (rows, cols), places[1], 1, step, by_slope=True)
+            counted = _count_votes(views, crop, places[1], 1, step, by_slope=True)
             votes, votes_unwound = votes + counted[0], votes_unwound + counted[1]
     unwound = _sum_up(votes_unwound)
     return unwound if unwound.is_serpentine and unwound.is_likely else _sum_up(votes)
@@ -170,13 +154,7 @@ def _count_votes(
     if not places:
         return votes
 
-    def cut(view: Pixels, margin: int) -> Plane:
-        view = view[crop]
-        parts = [[slice(factor * (at - margin), factor * (at + TILE + margin)) for at in place] for place in places]
-        pictures: NDArray[Any] = np.stack([view[rows, cols] for rows, cols in parts])
-        return _make_luma(pictures, factor)
-
-    center = cut(views[v, u], 0)
+    center = cut_tiles(views[v, u][crop], places, factor)
 
     given = unwound = [(v + step * down, u + step * right) for down, right in AROUND]
     if step % 2:
@@ -185,7 +163,7 @@ def _count_votes(
         around = [(v + step * down, at + step * right) for down, right in AROUND]
         unwound = [(row, mirror - column if row % 2 else column) for row, column in around]
     needed = list(dict.fromkeys([*given, *unwound]))
-    pictures = np.stack([cut(views[view], REACH) for view in needed], axis=1)
+    pictures = np.stack([cut_tiles(views[view][crop], places, factor, margin=REACH) for view in needed], axis=1)
     which = [[needed.index(view) for view in each] for each in (given, unwound)]
     if by_slope:
         explained = [fit_slopes(center, pictures[:, each]) for each in which]
@@ -209,44 +187,3 @@ def _vote(explained: Plane, largest: float, clear: float) -> NDArray[np.intp]:
     best, second = np.take_along_axis(residuals, ranked[:, :2], axis=1).T
     is_clear = (best <= largest) & (best <= clear * second)
     return np.bincount(ranked[is_clear, 0], minlength=2 * len(ORDERS))
-
-
-def _find_tiles(luma: Plane) -> list[tuple[int, int]]:
-    """The tops and lefts of up to `TILES` tiles with most texture in every direction, half a tile apart or more."""
-    half = TILE // 2
-    down, right = ((length - 2 * REACH) // half for length in luma.shape)
-    if min(down, right) < 2:
-        return []
-    part = luma[REACH - 1 : REACH + down * half + 1, REACH - 1 : REACH + right * half + 1]
-    across, along = part[1:-1, 2:] - part[1:-1, :-2], part[2:, 1:-1] - part[:-2, 1:-1]
-
-    def add_up(products: Plane) -> Plane:
-        blocks = products.reshape(down, half, right, half).sum(axis=(1, 3))
-        total: Plane = blocks[1:, 1:] + blocks[:-1, 1:] + blocks[1:, :-1] + blocks[:-1, :-1]
-        return total
-
-    xx, yy, xy = add_up(across * across), add_up(along * along), add_up(across * along)
-    weakest = (xx + yy) / 2 - np.hypot((xx - yy) / 2, xy)  # the smaller eigenvalue of the structure tensor
-    least = (2 * LEAST_TEXTURE * TILE) ** 2
-    places: list[tuple[int, int]] = []
-    is_free = np.ones(weakest.shape, bool)
-    for row, column in zip(*np.unravel_index(np.argsort(-weakest, axis=None), weakest.shape), strict=True):
-        if len(places) == TILES or weakest[row, column] < least:
-            break
-        if is_free[row, column]:
-            is_free[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2] = False
-            places.append((REACH + int(row) * half, REACH + int(column) * half))
-    return places
-
-
-def _make_luma(pictures: Pixels, factor: int) -> Plane:
-    """The mean of the colours of `(..., H, W, C)` and of each `factor x factor` pixels, in [0, 1]."""
-    *count, height, width, channels = pictures.shape
-    rows, cols, colours = height // factor, width // factor, channels - (channels in (2, 4))
-    values = pictures[..., : rows * factor, : cols * factor, :colours]
-    if factor > 1:
-        values = values.reshape(*count, rows, factor, cols * factor * colours).sum(axis=-2, dtype=np.uint32)
-    values = values.reshape(*count, rows, cols, factor * colours)
-    weight = 1 / (np.iinfo(pictures.dtype).max * colours * factor**2)
-    luma: Plane = values.astype(np.float32) @ np.full(factor * colours, weight, np.float32)
-    return luma

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     Plane = NDArray[np.float32]
@@ -47,6 +49,19 @@ def sweep_disparities(correlation: Plane) -> Plane:
 
     `correlation`: of `correlate` with the views `AROUND`.
     """
+    return np.stack([mean.max(axis=1) for mean in _average_lines(correlation, _WAYS)], axis=1)
+
+
+def find_shifts(correlation: Plane) -> tuple[Plane, Plane]:
+    """By how many pixels each tile moves to the next of the views `AROUND`, in order, and the mean correlation there,
+    `(T,)` each. `correlation`: as for `sweep_disparities`.
+    """
+    (mean,) = _average_lines(correlation, _WAYS[:1])
+    return SHIFTS[mean.argmax(axis=1)].astype(np.float32), mean.max(axis=1)
+
+
+def _average_lines(correlation: Plane, ways: Sequence[Sequence[tuple[int, int]]]) -> list[Plane]:
+    """The mean correlation with all views around at each of `SHIFTS`, `(T, shifts)`, for each of some `_WAYS`."""
     lines = {
         (0, 1): correlation[:, :, REACH] @ _WEIGHTS.T,
         (1, 0): correlation[:, :, :, REACH] @ _WEIGHTS.T,
@@ -54,8 +69,7 @@ def sweep_disparities(correlation: Plane) -> Plane:
         (1, -1): np.einsum("tnsj,sj->tns", _WEIGHTS @ correlation, _WEIGHTS[::-1]),
     }
     lines |= {(-down, -right): line[..., ::-1] for (down, right), line in lines.items()}
-    means = [np.mean([lines[way][:, number] for number, way in enumerate(ways)], axis=0) for ways in _WAYS]
-    return np.stack([mean.max(axis=1) for mean in means], axis=1)
+    return [np.mean([lines[way][:, number] for number, way in enumerate(each)], axis=0) for each in ways]
 
 
 def fit_slopes(center: Plane, around: Plane) -> Plane:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption, UnknownModel
 from ciir.models import catalogue
+from ciir.models.light_field.strides import choose_stride
 from ciir.renderer.lens_array import LensArray, compute_delta
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.sampling import LENSLET_SAMPLES
 from ciir.renderer.scene import Scene
 from ciir.renderer.view_order.estimate import estimate_order
+from ciir.renderer.view_order.motion import measure_motion
 from ciir.renderer.views import parse_views
 from ciir.service.pipeline.limits import check_view_count
 from ciir.service.pipeline.options import AUTO, MESH, NO_MODEL, Options
@@ -102,7 +104,11 @@ class Job:
     @cached_property
     def arrangement(self) -> Arrangement:
         """Which views lie around which."""
-        return arrange_views(self.grid, self.order)
+        arrangement = arrange_views(self.grid, self.order)
+        if isinstance(self.content, Scene) or arrangement.places is not None:
+            return arrangement
+        views = self.content if isinstance(self.content, ViewFiles) else self.content.views
+        return replace(arrangement, stride=choose_stride(measure_motion(views), self.grid))
 
 
 def resolve_job(name: str, content: Content, options: Options, *, max_views: int, max_pixels: int | None = None) -> Job:

@@ -12,10 +12,11 @@ from ciir.errors import UnknownModel, UnsupportedScale
 from ciir.models import cards, catalogue
 from ciir.models.cards import Accuracy
 from ciir.models.light_field.network import LightFieldNetwork
-from ciir.models.light_field.views import upscale_views
+from ciir.models.light_field.strides import choose_stride, upscale_spaced_views
 from ciir.models.light_field.windows import MINIMUM_GRID
 from ciir.models.single.network import SingleImageNetwork
 from ciir.models.single.pixels import upscale_pixels
+from ciir.renderer.view_order.motion import measure_motion
 from ciir.training.data.light_field.views import compress_array, degrade_views, read_views
 from ciir.training.evaluation.metrics import compute_psnr, compute_ssim, rgb_to_luma
 
@@ -80,11 +81,12 @@ def measure(
         low = compress_array(low, jpeg)
     views = [(v, u) for v in range(grid[0]) for u in range(grid[1])]
     given = dict(zip(views, low.reshape(-1, *low.shape[2:]), strict=True))
+    stride = choose_stride(measure_motion(low), grid)
     scores: dict[View, tuple[float, float]] = {}
     for view in tqdm(views, desc=path.name, disable=None, unit="view", leave=False):
         if isinstance(network, LightFieldNetwork):
             alone = catalogue.load_upscaler(catalogue.find_fallback(network.card), scale=network.scale)
-            made, _ = upscale_views(network, alone, given, [view], grid, finds_sampling=True)
+            made, _ = upscale_spaced_views(network, alone, given, [view], grid, stride=stride, finds_sampling=True)
         else:
             made = upscale_pixels(network, low[view][np.newaxis])
         got, truth = rgb_to_luma(made[0].astype(np.uint8)), rgb_to_luma(high[view])

@@ -56,7 +56,9 @@ def select_model(job: Job) -> Selection:
         replaced = f"{default}, view by view, in place of {job.model}, as {reason}"
         return Selection(default, reasons=(replaced,), note=replaced)
     if job.mesh is None:
-        return Selection(job.model, True, note=_describe_wrong_order(job))
+        spaced = _describe_stride(job)
+        reasons = (f"{job.model}: {spaced}",) if spaced else ()
+        return Selection(job.model, True, reasons=reasons, note=_describe_wrong_order(job))
     close_views, rendered = _find_close_views(job, job.mesh, networks[job.model], networks[default])
     neighbours = count_rendered(job) - len(job.wanted)
     if close_views is None and neighbours:
@@ -78,6 +80,8 @@ def _select_automatically(job: Job, networks: dict[str, Entry]) -> Selection:
         precision = _describe_precision(networks[default])
         return Selection(default, reasons=(f"model auto: {default}, view by view, as {reason}{precision}",))
     precision = _describe_precision(networks[light_field])
+    spaced = _describe_stride(job)
+    rendered += f"; {spaced}" if spaced else ""
     why = f"model auto: {light_field}, as {_views(job)} help each other{rendered}{precision}"
     return Selection(light_field, True, close_views, (why,), _describe_wrong_order(job))
 
@@ -88,6 +92,13 @@ def _describe_precision(network: Entry) -> str:
         return "; in int8, which this processor supports"
     against = processor.int8_unsupported_reason()
     return f"; in float, as {against}" if against else ""
+
+
+def _describe_stride(job: Job) -> str:
+    """Which views of a light field help each, where it isn't the nearest."""
+    if job.mesh is not None or job.arrangement.stride == 1:
+        return ""
+    return f"those {job.arrangement.stride} apart do, as content moves by little from one to the next"
 
 
 def _views(job: Job) -> str:

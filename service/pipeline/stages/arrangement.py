@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.models.light_field.views import list_required_views
+from ciir.models.light_field.strides import list_spaced_views
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -24,6 +24,8 @@ class Arrangement:
     """Views down and across, (V, U), in the right order."""
     places: Mapping[View, View] | None = None
     """The view that was given -> its place in the right order; None where that is the same one."""
+    stride: int = 1
+    """Windows are of every so many-th view."""
 
     def find_place(self, view: View) -> View:
         """The place of the view that was given as `view`."""
@@ -32,9 +34,11 @@ class Arrangement:
     def list_required(self, wanted: Sequence[View]) -> list[View]:
         """Every view, as it was given, of the windows around `wanted`."""
         if self.places is None:
-            return list_required_views(wanted, self.grid)
+            return list_spaced_views(wanted, self.grid, self.stride)
         given = {place: view for view, place in self.places.items()}
-        return [given[place] for place in list_required_views([self.places[view] for view in wanted], self.grid)]
+        return [
+            given[place] for place in list_spaced_views([self.places[view] for view in wanted], self.grid, self.stride)
+        ]
 
 
 def arrange_views(grid: tuple[int, int], order: OrderEstimate | None) -> Arrangement:

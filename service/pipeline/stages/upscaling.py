@@ -49,19 +49,20 @@ def load_upscaler(
 
 def _load_model(plan: Plan, arrangement: Arrangement, skip: bool, statistics: SkipStatistics | None) -> UpscaleViews:
     if plan.is_light_field:
-        from ciir.models.light_field.views import upscale_views
+        from ciir.models.light_field.strides import upscale_spaced_views
 
         network = catalogue.load_light_field_network(plan.model, scale=plan.scale)
         fallback = catalogue.load_upscaler(fallback_name(plan.model), scale=plan.scale)
 
         def upscale_light_field(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, Finishing]:
             colours, alpha = _split_alpha(views)
-            made, used = upscale_views(
+            made, used = upscale_spaced_views(
                 network,
                 fallback,
                 {arrangement.find_place(view): picture for view, picture in colours.items()},
                 [arrangement.find_place(view) for view in wanted],
                 arrangement.grid,
+                stride=arrangement.stride,
                 skip=skip,
                 statistics=statistics,
                 finds_sampling=plan.finds_sampling,

@@ -1,0 +1,109 @@
+"""Windows of every second or third view: where content hardly moves from one view to the next, those further apart
+help more. Such views form a light field of their own, which has its own border.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple, cast
+
+import numpy as np
+
+from ciir.models.light_field.finishing import Finishing
+from ciir.models.light_field.views import list_required_views, upscale_views
+from ciir.models.light_field.windows import WINDOW_SIDE
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from ciir.models.light_field.disparity import Pixels
+    from ciir.models.light_field.network import LightFieldNetwork
+    from ciir.models.light_field.windows import View
+    from ciir.models.single.skipping import SkipStatistics
+    from ciir.models.upscaler import Upscaler
+
+MOVED = 0.72
+"""Pixels that content may move by from one view of a window to the next: docs/experiments.md."""
+MOST = 3
+"""The largest stride."""
+
+
+def choose_stride(motion: float | None, grid: tuple[int, int]) -> int:
+    """Every how many-th view of a grid of `grid` views best helps where content moves by `motion` pixels from one view
+    to the next; 1 where that isn't known. A window always fits.
+    """
+    if motion is None:
+        return 1
+    most = min(MOST, (min(grid) - 1) // (WINDOW_SIDE - 1))
+    return max(1, most if motion * most <= MOVED else int(MOVED / motion))
+
+
+class _Part(NamedTuple):
+    """The part of a grid that every `stride`-th view makes up."""
+
+    first: View
+    grid: tuple[int, int]
+
+
+def _find_part(view: View, grid: tuple[int, int], stride: int) -> tuple[_Part, View]:
+    """The part that `view` is in, and its place there."""
+    v, u = (number % stride for number in view)
+    part = _Part((v, u), (-(-(grid[0] - v) // stride), -(-(grid[1] - u) // stride)))
+    return part, (view[0] // stride, view[1] // stride)
+
+
+def list_spaced_views(wanted: Sequence[View], grid: tuple[int, int], stride: int) -> list[View]:
+    """Every view of the windows around `wanted`, of every `stride`-th view, row by row and each once."""
+    required = set()
+    for view in wanted:
+        part, place = _find_part(view, grid, stride)
+        v, u = part.first
+        required |= {(v + stride * row, u + stride * col) for row, col in list_required_views([place], part.grid)}
+    return sorted(required)
+
+
+def upscale_spaced_views(
+    network: LightFieldNetwork,
+    fallback: Upscaler,
+    views: Mapping[View, Pixels],
+    wanted: Sequence[View],
+    grid: tuple[int, int],
+    *,
+    stride: int,
+    skip: bool = True,
+    statistics: SkipStatistics | None = None,
+    finds_sampling: bool = False,
+) -> tuple[Pixels, Finishing]:
+    """`models.light_field.views.upscale_views` with windows of every `stride`-th view; `views`: at least those of
+    `list_spaced_views`.
+    """
+    by_part: dict[_Part, list[int]] = {}
+    for number, view in enumerate(wanted):
+        by_part.setdefault(_find_part(view, grid, stride)[0], []).append(number)
+    made, total = [], Finishing()
+    for part, numbers in by_part.items():
+        inside = {}
+        for view, picture in views.items():
+            own, place = _find_part(view, grid, stride)
+            if own == part:
+                inside[place] = picture
+        places = [_find_part(wanted[number], grid, stride)[1] for number in numbers]
+        pictures, used = upscale_views(
+            network,
+            fallback,
+            inside,
+            places,
+            part.grid,
+            skip=skip,
+            statistics=statistics,
+            finds_sampling=finds_sampling,
+        )
+        made.append(pictures)
+        total = Finishing(
+            total.fallback + used.fallback * len(numbers) / len(wanted),
+            total.is_averaged or used.is_averaged,
+            total.is_restored or used.is_restored,
+        )
+    if len(made) == 1:
+        return made[0], total
+    order = np.argsort(np.concatenate([*by_part.values()]))
+    return cast("Pixels", np.concatenate(made)[order]), total
