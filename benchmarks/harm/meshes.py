@@ -84,9 +84,7 @@ def count_cases(lenses: Sequence[int], backgrounds: Sequence[str]) -> int:
     return len(lenses) * len(SAMPLINGS) * len(backgrounds)
 
 
-def list_cases(
-    name: str, mesh: Scene, lenses: Sequence[int] = LENSES, backgrounds: Sequence[str] = tuple(BACKGROUNDS)
-) -> Iterator[Case]:
+def list_cases(name: str, mesh: Scene, lenses: Sequence[int], backgrounds: Sequence[str]) -> Iterator[Case]:
     """The cases of a mesh: `lenses` x pinhole, lenslet x `backgrounds`, which are keys of `BACKGROUNDS`."""
     wanted = center_view(*PIXELS)
     window = [view for view, _ in list_window(wanted, PIXELS)]

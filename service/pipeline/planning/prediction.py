@@ -39,7 +39,7 @@ def count_rendered(job: Job, close_views: CloseViews | None = None) -> int:
 
 
 def predict_times(
-    job: Job, mesh: Scene, model: Entry, rays: dict[Strategy, int], close_views: CloseViews | None = None
+    job: Job, mesh: Scene, model: Entry, rays: dict[Strategy, int], close_views: CloseViews | None
 ) -> dict[Strategy, float]:
     """Milliseconds from the mesh to encoded views for each strategy, with so many rays for each view."""
     costs, wanted = cost.costs(), len(job.wanted)

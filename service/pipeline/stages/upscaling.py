@@ -89,9 +89,7 @@ def _split_alpha(views: Mapping[View, Pixels]) -> tuple[Mapping[View, Pixels], i
     return {view: picture[..., :-1] for view, picture in views.items()}, int(np.iinfo(first.dtype).max)
 
 
-def upscale_pictures(
-    upscaler: Upscaler, pictures: Pixels, *, skip: bool = True, statistics: SkipStatistics | None = None
-) -> Pixels:
+def upscale_pictures(upscaler: Upscaler, pictures: Pixels, *, skip: bool, statistics: SkipStatistics | None) -> Pixels:
     """Upscales `(N, H, W, C)` to `(N, scale*H, scale*W, C)` of the same type (`models.single.pixels`)."""
     from ciir.models.single.pixels import upscale_pixels
 
