@@ -69,6 +69,11 @@ def _read_networks(folder: Path) -> tuple[Entry, ...]:
     return tuple(Entry(card.name, card.kind, (card.scale,), card) for card in found)
 
 
+def get_entry(name: str) -> Entry:
+    """The model `name`, one of `list_names`."""
+    return next(entry for entry in list_entries() if entry.name == name)
+
+
 def list_names() -> list[str]:
     """The names of all models, in the order of `list_entries`."""
     return [entry.name for entry in list_entries()]

@@ -86,7 +86,7 @@ def _frame_window(window: Window, array: LensArray, placement: Placement) -> NDA
     return matrix
 
 
-def find_extremes(scene: Scene, array: LensArray, placement: Placement = AS_GIVEN) -> NDArray[np.float64]:
+def find_extremes(scene: Scene, array: LensArray, placement: Placement) -> NDArray[np.float64]:
     """The vertices of `scene` that alone decide how `frame_scene` frames it, `(k, 3)`: those farthest along the array's
     axes and along the outermost rays, to both sides.
     """

@@ -193,7 +193,7 @@ def read_light_field(name: str, source: Source, array: Options) -> Views:
     return pictures.reshape(*counts, *pictures.shape[1:])
 
 
-def draw_light_field(*, quick: bool = False) -> Views:
+def draw_light_field(*, quick: bool) -> Views:
     """A globe before grey, 9x9 views of 128x128 pixels; `quick`: 5x5 of 64x64."""
     count, side = (5, 64) if quick else (9, 128)
     options = Options(

@@ -21,6 +21,7 @@ from ciir.renderer.backends.culling import cull_if_worthwhile
 from ciir.renderer.backends.interface import fill_background
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
+from ciir.renderer.placement import Placement
 from ciir.renderer.sampling import LENSLET_SAMPLES, average_cells
 from ciir.renderer.scenes import SCENES, load_scene
 from ciir.renderer.surface import DEFAULT_COLOR, Surface, assemble_scene
@@ -65,10 +66,7 @@ def make_chair() -> Scene:
                       (0, 6, 4), (1, 5, 7), (1, 7, 3)])  # fmt: skip
     corners = [np.array(list(product(*zip(low, high, strict=True)))) for low, high in _CHAIR]
     faces = np.concatenate([sides + 8 * number for number in range(len(corners))])
-    turn, tilt = np.radians(25), np.radians(12)
-    around = np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
-    down = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
-    vertices = np.concatenate(corners) @ (down @ around).T
+    vertices = np.concatenate(corners) @ Placement(rotate=(25, 12, 0)).rotation().T
     return assemble_scene([Surface(vertices, faces, color=DEFAULT_COLOR)], name="grey chair")
 
 
@@ -84,9 +82,7 @@ def count_cases(lenses: Sequence[int], backgrounds: Sequence[str]) -> int:
     return len(lenses) * len(SAMPLINGS) * len(backgrounds)
 
 
-def list_cases(
-    name: str, mesh: Scene, lenses: Sequence[int] = LENSES, backgrounds: Sequence[str] = tuple(BACKGROUNDS)
-) -> Iterator[Case]:
+def list_cases(name: str, mesh: Scene, lenses: Sequence[int], backgrounds: Sequence[str]) -> Iterator[Case]:
     """The cases of a mesh: `lenses` x pinhole, lenslet x `backgrounds`, which are keys of `BACKGROUNDS`."""
     wanted = center_view(*PIXELS)
     window = [view for view, _ in list_window(wanted, PIXELS)]

@@ -8,7 +8,7 @@ from ciir.benchmarks.bench.tables import format_table
 from ciir.benchmarks.harm.score import BICUBIC, BOUND, DEFAULT
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from ciir.benchmarks.harm.score import Row
 
@@ -17,11 +17,6 @@ PSNR in dB and SSIM of Y against the truth. `against bicubic`: `default` - `bicu
 best network of single pictures, where the default took a light-field network. A case is over the bound where one of
 them is below -{BOUND} dB.
 """
-
-
-def sort_rows(rows: Iterable[Row]) -> list[Row]:
-    """The rows, the smallest margin first."""
-    return sorted(rows, key=lambda row: row.margin)
 
 
 def describe_row(row: Row) -> dict[str, Any]:

@@ -68,7 +68,7 @@ def measure_harm(options: HarmOptions, out: Path) -> dict[str, Any]:
     scenes, captured = _read_inputs(options)
     cases, count = _list_cases(options, scenes, captured)
     bar = tqdm(cases, total=count, disable=None, unit="case", file=sys.stderr)
-    rows = report.sort_rows(score_case(case, networks, subject) for case in bar)
+    rows = sorted((score_case(case, networks, subject) for case in bar), key=lambda row: row.margin)
     here = machine.describe()
     found: dict[str, Any] = {
         "machine": here,

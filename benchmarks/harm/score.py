@@ -172,7 +172,7 @@ def reconstruct_case(case: Case, model: str) -> Result:
             options = Options(views=f"{case.at[0]},{case.at[1]}", model=plan.model, sampling=options.sampling)
     pictures, report = reconstruct_views(source, options)
     name = report["model"]["name"]
-    is_light_field = next(entry for entry in catalogue.list_entries() if entry.name == name).is_light_field
+    is_light_field = catalogue.get_entry(name).is_light_field
     return Result(pictures[0], name, is_light_field, tuple(report["notes"]))
 
 

@@ -20,8 +20,8 @@ class SingleImageNetwork(OnnxNetwork):
     def __call__(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
         """See `Upscaler.__call__`. Large pictures run in tiles, small ones in batches.
 
-        Tiles of an int8 network run at once, each on one core: its layers are so short that cores which share them wait
-        a sixth of the time. Float networks gain at most a fifteenth, and take several times the memory.
+        Those of an int8 network run in parallel, each on one core: its layers are so short that cores which share them
+        wait a sixth of the time. Float networks gain at most a fifteenth, and take several times the memory.
         """
         check_images(images)
         sizes = self.card.sizes

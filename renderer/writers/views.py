@@ -34,10 +34,8 @@ if TYPE_CHECKING:
     from ciir.renderer.writers.writer import Writer
 
 
-def save_light_field(
-    light_field: LightField, path: Path, name: str | None = None, options: WriterOptions | None = None
-) -> tuple[str, ...]:
-    """Writes a light field in the format `name`, by default the one that `options` or `path` ask for: a picture is an
+def save_light_field(light_field: LightField, path: Path, name: str | None, options: WriterOptions) -> tuple[str, ...]:
+    """Writes a light field in the format `name`; None: the one that `options` or `path` ask for: a picture is an
     elemental image array, and a name without a suffix a folder of views.
 
     Returns notes: what the format doesn't hold, or holds in another way. Raises as `save_views` does.
@@ -48,7 +46,6 @@ def save_light_field(
     positions = tuple(np.ndindex(rows, columns))
     array = {"rows": height, "cols": width, "pixels_v": rows, "pixels_u": columns, "depth_sense": sense}
     contents = Contents(positions, (rows, columns), height, width, channels, views.dtype, sense)
-    options = options or WriterOptions()
     name = name or find_display(path, options) or find_implied(path, options)
     formats: Mapping[str, Format] | None = WHOLE_BY_SUFFIX
     if name is not None:

@@ -19,7 +19,7 @@ from ciir.renderer.readers.view_set.order import ASKED, reorient, take_order
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.scene import Scene
 from ciir.renderer.shading import LIGHT
-from ciir.renderer.writers.atomic_write import read_path
+from ciir.renderer.writers.atomic_write import read_path, replacing
 from ciir.service.pipeline.limits import read_limits
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.report import CountedFiles, Report
@@ -84,15 +84,13 @@ def draw_grid_at(source: Source, options: Options, path: str | PathLike[str]) ->
         raise InvalidOption(f"show_grid: {str(path)!r} doesn't end with .png, and a PNG is written; rename it")
     from ciir.renderer.readers.inputs import find_main
 
-    is_raw = options.known_grid is not None
     found = find_main(source) if isinstance(source, Bundle) else None
     kind = None if found is None else found[0]
-    is_raw = kind in (LYTRO, LYTRO_RAW) or (is_raw and isinstance(kind, PictureFormat))
+    is_raw = kind in (LYTRO, LYTRO_RAW) or (options.known_grid is not None and isinstance(kind, PictureFormat))
     if not isinstance(source, Bundle) or not is_raw:
         raise InvalidOption("show_grid: this is for a raw lenslet picture; give one, with lens_pitch")
 
     def keep(drawn: NDArray[np.uint8]) -> None:
-        from ciir.renderer.writers.atomic_write import replacing
         from ciir.renderer.writers.pictures import encode_png
 
         with replacing(place) as file:

@@ -67,9 +67,9 @@ def refine_grid(
     lenses: Lenses,
     grid: LensGrid,
     *,
-    keep_pitch: bool = False,
-    keep_offset: bool = False,
-    keep_rotation: bool = False,
+    keep_pitch: bool,
+    keep_offset: bool,
+    keep_rotation: bool,
 ) -> Refinement:
     """The grid that fits `signal` best; `grid` may be wrong by a fifth of a pitch.
 

@@ -20,9 +20,7 @@ BLOCK = 3.0
 _STEPS = 13
 
 
-def search_grid(
-    signal: NDArray[np.float32], estimate: Estimate, *, keep_pitch: bool = False, keep_rotation: bool = False
-) -> LensGrid:
+def search_grid(signal: NDArray[np.float32], estimate: Estimate, *, keep_pitch: bool, keep_rotation: bool) -> LensGrid:
     """The grid near `estimate` on which most blocks of `signal` agree, whatever the strength of each.
 
     `signal`: `(H, W)`, bright at lenses' centres, 0 where nothing shows them. Every block has a phase for each spot of

@@ -52,9 +52,9 @@ def _parse(args: argparse.Namespace) -> BenchOptions:
     if args.inputs:
         options = replace(options, sources=_open_sources(args.inputs))
     if args.lenses:
-        options = replace(options, lenses=_counts("--lenses", args.lenses, 2, 1000))
+        options = replace(options, lenses=_counts("--lenses", args.lenses, least=2))
     if args.rounds is not None:
-        options = replace(options, rounds=_counts("--rounds", [args.rounds], 1, 1000)[0])
+        options = replace(options, rounds=_counts("--rounds", [args.rounds], least=1)[0])
     return replace(options, array=common.parse_options(args))
 
 
@@ -85,7 +85,7 @@ def _parse_harm(args: argparse.Namespace) -> HarmOptions:
     if pairs:
         array = replace(array, lenses=read_pair("--lenses", pairs[0]))
     if counts := [text for text in args.lenses if text not in pairs]:
-        options = replace(options, lenses=_counts("--lenses", counts, 8, 1000))  # SSIM needs 11 pixels of the truth
+        options = replace(options, lenses=_counts("--lenses", counts, least=8))  # SSIM needs 11 pixels of the truth
     if args.only is not None:
         options = replace(options, kinds=(MESH if args.only == "meshes" else LIGHT_FIELD,))
     return replace(options, array=array, model=args.model or options.model)
@@ -107,5 +107,5 @@ def _name(text: str) -> str:
     return name
 
 
-def _counts(option: str, texts: list[str], least: int, most: int) -> tuple[int, ...]:
-    return tuple(common.read_count(option, text, least, most, example=50) for text in texts)
+def _counts(option: str, texts: list[str], *, least: int) -> tuple[int, ...]:
+    return tuple(common.read_count(option, text, least, 1000, example=50) for text in texts)

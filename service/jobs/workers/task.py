@@ -178,6 +178,7 @@ def warm_up() -> None:
 
     import numpy as np
 
+    from ciir.cores import count_available_cores
     from ciir.models import catalogue
     from ciir.renderer.readers.bundle import Bundle
     from ciir.renderer.views import parse_views
@@ -194,7 +195,9 @@ def warm_up() -> None:
             plan = Plan("upscale", model, 2, 1, (), is_light_field)
             run = upscaling.load_upscaler(plan, Arrangement(_WARM_GRID), skip=False)
             every = parse_views("all", *_WARM_GRID)
-            for wanted in ([(1, 1)], every):  # one view uses all cores, many use one each: separate sessions
+            # One view uses all cores, many use one each: separate sessions. Single pictures go in batches.
+            many = every if is_light_field else every * 2 * count_available_cores()
+            for wanted in ([(1, 1)], many):
                 run(dict.fromkeys(every, view), wanted)
     mesh = Bundle.from_upload("mesh.off", _WARM_MESH)
     with FileWriter(io.BytesIO(), "png") as writer:

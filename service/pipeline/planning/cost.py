@@ -122,7 +122,7 @@ class Costs:
 
     def upscaling(self, model: str, scale: int, *, pixels: int, views: int, batches: int) -> Stage:
         """Cost of `views` in `batches`, `pixels` of each given to a model of the catalogue."""
-        card = next(entry.card for entry in catalogue.list_entries() if entry.name == model)
+        card = catalogue.get_entry(model).card
         name = f"{model} x{scale}, {'interpolation' if card is None else card.sha256[:12]}; {machine()}"
         work = VIEWS * (SIDE**2 + VIEW_PIXELS) + CALL_PIXELS
         macs = 0.0 if card is None else card.macs_per_output_pixel * scale**2

@@ -65,7 +65,7 @@ def make_plan(job: Job) -> Plan:
         ignored = () if job.scale in (1, Options.scale) else (f"scale: {job.scale} changes nothing with model none",)
         return Plan(strategy, NO_MODEL, 1, job.samples, tuple(reasons), notes=ignored)
     selected = select_model(job)
-    model = next(entry for entry in catalogue.list_entries() if entry.name == selected.model)
+    model = catalogue.get_entry(selected.model)
     _check_scale(job, model)
     reasons += selected.reasons
     is_network = model.card is not None
@@ -115,7 +115,7 @@ def _select_strategy(job: Job) -> tuple[Strategy, str]:
         return "upscale", "the input holds pictures, so views are upscaled"
     selected = select_model(job)
     name = selected.model
-    model = next(entry for entry in catalogue.list_entries() if entry.name == name)
+    model = catalogue.get_entry(name)
     pixels = job.array.rows * job.array.cols
     rays: dict[Strategy, int] = {
         "upscale": pixels * job.samples**2,

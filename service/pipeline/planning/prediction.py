@@ -39,7 +39,7 @@ def count_rendered(job: Job, close_views: CloseViews | None = None) -> int:
 
 
 def predict_times(
-    job: Job, mesh: Scene, model: Entry, rays: dict[Strategy, int], close_views: CloseViews | None = None
+    job: Job, mesh: Scene, model: Entry, rays: dict[Strategy, int], close_views: CloseViews | None
 ) -> dict[Strategy, float]:
     """Milliseconds from the mesh to encoded views for each strategy, with so many rays for each view."""
     costs, wanted = cost.costs(), len(job.wanted)
@@ -60,7 +60,7 @@ def predict_plan(job: Job, plan: Plan) -> float:
         rendered = count_rendered(job, plan.close_views) if plan.is_light_field else wanted
         stages.append(_predict_rendering(job, job.mesh, pixels * side**2, rendered, costs))
     if plan.model != NO_MODEL:
-        model = next(entry for entry in catalogue.list_entries() if entry.name == plan.model)
+        model = catalogue.get_entry(plan.model)
         stages.append(_predict_upscaling(job, model, costs))
     return _total(job, stages, plan.scale)
 

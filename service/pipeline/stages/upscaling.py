@@ -90,9 +90,7 @@ def _split_alpha(views: Mapping[View, Pixels]) -> tuple[Mapping[View, Pixels], i
     return {view: picture[..., :-1] for view, picture in views.items()}, int(np.iinfo(first.dtype).max)
 
 
-def upscale_pictures(
-    upscaler: Upscaler, pictures: Pixels, *, skip: bool = True, statistics: SkipStatistics | None = None
-) -> Pixels:
+def upscale_pictures(upscaler: Upscaler, pictures: Pixels, *, skip: bool, statistics: SkipStatistics | None) -> Pixels:
     """Upscales `(N, H, W, C)` to `(N, scale*H, scale*W, C)` of the same type (`models.single.pixels`)."""
     from ciir.models.single.pixels import upscale_pixels
 
@@ -102,7 +100,7 @@ def upscale_pictures(
 
 def fallback_name(model: str) -> str:
     """The network of single pictures that helps the light-field network `model` on this processor."""
-    card = next(entry.card for entry in catalogue.list_entries() if entry.name == model)
+    card = catalogue.get_entry(model).card
     return catalogue.prefer_int8(catalogue.DEFAULT if card is None else catalogue.find_fallback(card))
 
 
@@ -110,7 +108,7 @@ def describe_model(name: str, scale: int) -> dict[str, Any]:
     """The report's `model`: name, scale, and the network's SHA-256, null for interpolation; with a light-field network
     also `fallback`, the model of single pictures that makes the pixels of low confidence.
     """
-    entry = next(entry for entry in catalogue.list_entries() if entry.name == name)
+    entry = catalogue.get_entry(name)
     described = {"name": name, "scale": scale, "sha256": entry.card.sha256 if entry.card is not None else None}
     if not entry.is_light_field:
         return described

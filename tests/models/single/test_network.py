@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from ciir.errors import InvalidImage
+from ciir.models import processor
 from ciir.models.cards import Sizes
-from ciir.models.catalogue import load_upscaler
+from ciir.models.catalogue import SHIPPED, load_upscaler
 from ciir.models.single.network import SingleImageNetwork
 
 TILE_PIXELS = "ciir.models.single.network.TILE_PIXELS"
@@ -48,6 +49,17 @@ def test_tiled_equals_whole(paper, size, monkeypatch):
     whole = paper(images)
     monkeypatch.setattr(TILE_PIXELS, 34 * 34)  # tiles of 4 pixels within a halo of 15
     np.testing.assert_allclose(paper(images), whole, atol=1e-5)
+
+
+@pytest.mark.skipif(processor.int8_unsupported_reason() != "", reason=processor.int8_unsupported_reason())
+def test_int8_tiles_in_parallel_equal_those_on_one_core(monkeypatch):
+    monkeypatch.setattr(TILE_PIXELS, 48 * 48)
+    one, three = (SingleImageNetwork(SHIPPED / "fast-int8.json", threads=threads) for threads in (1, 3))
+    used, images = [], make_noise(2, 3, 97, 90)
+    monkeypatch.setattr(three, "_run", lambda *given: used.append(given[1]) or SingleImageNetwork._run(three, *given))
+    assert np.array_equal(three(images), one(images))
+    assert len(used) >= 6
+    assert set(used) == {1}
 
 
 def test_a_halo_that_is_too_small_shows(paper, monkeypatch):

@@ -8,16 +8,8 @@ from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.writers.pictures import encode_png
-from ciir.renderer.writers.writer import MemoryWriter
-from ciir.service.pipeline.options import Options
-from ciir.service.pipeline.run import reconstruct
 from tests.support.light_fields import make_views
-
-
-def run(source, **options):
-    writer = MemoryWriter()
-    report = reconstruct(source, Options(**options), writer)
-    return writer.views, report
+from tests.support.pipeline import run
 
 
 def test_a_view_that_is_not_there_is_refused_with_what_was_taken_as_row_and_column():

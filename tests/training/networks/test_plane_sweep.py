@@ -9,6 +9,7 @@ import torch
 from ciir.models.light_field.windows import select_axis
 from ciir.models.single.interpolation import Bicubic
 from ciir.training.networks.plane_sweep import (
+    BLOCK,
     CLOSE,
     LEAST,
     NEAR,
@@ -72,9 +73,11 @@ def slow_sweep(views, rows, cols):
     return fine.reshape(len(DISPARITIES), 4, height, width), spread
 
 
-@pytest.mark.parametrize(("rows", "cols"), [(0, 1), (3, 2), (4, 5), (6, 0)])
-def test_the_sweep_is_the_slow_one(sweep, rows, cols):
-    views = torch.rand(2, SIDE * SIDE, 3, 4, generator=torch.Generator().manual_seed(1))
+@pytest.mark.parametrize(
+    ("rows", "cols", "height"), [(0, 1, 3), (3, 2, BLOCK + 1), (4, 5, BLOCK), (6, 0, 2 * BLOCK + 5)]
+)
+def test_the_sweep_is_the_slow_one(sweep, rows, cols, height):
+    views = torch.rand(2, SIDE * SIDE, height, 4, generator=torch.Generator().manual_seed(1))
     fine, spread = run(sweep, views, THERE[rows], THERE[cols])
     for one in range(2):
         wanted = slow_sweep(views[one].double().numpy(), THERE[rows], THERE[cols])

@@ -24,7 +24,7 @@ MODES = ("LINEAR", "STEP", "CUBICSPLINE")
 _STRAIGHT = 1e-6  # radians between two rotations below which the way between them is a straight line
 
 
-def sample_nodes(document: Document, time: float, animation: str | None = None) -> dict[int, dict[str, Any]]:
+def sample_nodes(document: Document, time: float, animation: str | None) -> dict[int, dict[str, Any]]:
     """The properties that animations give nodes at `time` in seconds: node -> property of `PATHS` -> value.
 
     `animation`: the name, or the number from 0, of the one that is played. Without it the first is, and each further

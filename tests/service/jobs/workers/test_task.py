@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from ciir.models import catalogue
+from ciir.models import catalogue, processor
+from ciir.models.single.network import SingleImageNetwork
 from ciir.service.jobs.job import Problem, Request
 from ciir.service.jobs.workers.sandbox import restrictions
 from ciir.service.jobs.workers.task import TaskLimits, _is_out_of_memory, run_task, warm_up
@@ -107,3 +108,17 @@ def test_warm_up_runs_both_models_of_auto(stand_in, monkeypatch):
     monkeypatch.setattr(type(stand_in), "__call__", lambda *given, **more: ran.append("ran") or call(*given, **more))
     warm_up()
     assert set(ran) == {"fast", "field", "ran"}
+
+
+@pytest.mark.usefixtures("stand_in")
+@pytest.mark.skipif(processor.int8_unsupported_reason() != "", reason=processor.int8_unsupported_reason())
+@pytest.mark.parametrize("cores", [2, 5])
+def test_warm_up_opens_the_sessions_of_one_picture_and_of_many(cores, monkeypatch):
+    fresh = SingleImageNetwork(catalogue.SHIPPED / "fast-int8.json", threads=cores)
+    monkeypatch.setattr(catalogue, "load_upscaler", lambda name, scale=2: fresh)
+    monkeypatch.setattr("ciir.cores.count_available_cores", lambda: cores)
+    opened = []
+    get_session = fresh._get_session
+    monkeypatch.setattr(fresh, "_get_session", lambda number: opened.append(number) or get_session(number))
+    warm_up()
+    assert set(opened) == {1, cores}

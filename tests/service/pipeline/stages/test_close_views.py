@@ -12,19 +12,10 @@ from ciir.renderer.lens_array import LensArray
 from ciir.renderer.placement import Placement
 from ciir.renderer.scene import Window
 from ciir.renderer.scenes import load_scene
-from ciir.renderer.writers.writer import MemoryWriter
-from ciir.service.pipeline.options import Options
-from ciir.service.pipeline.run import reconstruct
 from ciir.service.pipeline.stages.close_views import LEAST, MOVED, CloseViews, find_close_views
+from tests.support.pipeline import run
 
 COUNTS = st.integers(1, 20)
-
-
-def run(**options):
-    """The views by (v, u), and the report."""
-    writer = MemoryWriter()
-    report = reconstruct("vase", Options(**options), writer)
-    return writer.views, report
 
 
 @settings(max_examples=60)
@@ -78,13 +69,13 @@ def _frame(mesh, array, place):
 def test_they_bring_a_view_closer_to_the_truth():
     """By 2.4 dB here (docs/experiments.md): the lens array's own see around the vase."""
     options = {"lenses": (100, 100), "backend": "raytrace", "model": "field"}
-    truth, _ = run(**options | {"model": "auto", "strategy": "direct"})
+    truth, _ = run("vase", **options | {"model": "auto", "strategy": "direct"})
     errors = []
     for bound, words in (
         (0.0, "views around those asked for are rendered too, 24"),
         (60.0, "24 more, 0.46 times as far apart"),
     ):
-        views, report = run(**options, neighbour_time=bound)
+        views, report = run("vase", **options, neighbour_time=bound)
         assert words in report["plan"]["reasons"][0]
         errors.append(np.square(views[7, 7].astype(float) - truth[7, 7]).mean())
     assert errors[1] < 0.75 * errors[0]
@@ -92,8 +83,8 @@ def test_they_bring_a_view_closer_to_the_truth():
 
 def test_a_view_does_not_depend_on_the_others_that_are_wanted():
     options = {"lenses": (60, 60), "pixels": (5, 5), "backend": "raytrace", "model": "field", "neighbour_time": 60.0}
-    several, report = run(**options, views="0,0;2,2;4,1")
+    several, report = run("vase", **options, views="0,0;2,2;4,1")
     assert [(view["v"], view["u"]) for view in report["views"]] == list(several) == [(0, 0), (2, 2), (4, 1)]
     for view, picture in several.items():
-        alone, _ = run(**options, views="{},{}".format(*view))
+        alone, _ = run("vase", **options, views="{},{}".format(*view))
         np.testing.assert_array_equal(alone[view], picture)

@@ -21,17 +21,11 @@ from ciir.service.pipeline.source import Input
 from ciir.service.pipeline.stages import schedule, view_sources
 from tests.support.inputs import EIA_PNG, make_picture
 from tests.support.networks import upscale_as_stand_in
+from tests.support.pipeline import run
 
 ROUNDED = 0.55
 """Levels: rounding to nearest, and float32 at 16 bits."""
 MESH = {"lenses": (12, 10), "pixels": (5, 6), "backend": "raytrace"}
-
-
-def run(source, **options):
-    """The views by (v, u), and the report."""
-    writer = MemoryWriter()
-    report = reconstruct(source, Options(**options), writer)
-    return writer.views, report
 
 
 @pytest.fixture
