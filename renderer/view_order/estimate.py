@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from ciir.bit_depth import count_unused_bits
 from ciir.renderer.view_order.evidence import AROUND, ORDERS, REACH, TILE, correlate, fit_slopes, sweep_disparities
 from ciir.renderer.views import center_view
 
@@ -125,6 +126,7 @@ def estimate_order(views: Views) -> OrderEstimate:
     where content hardly moves.
     """
     largest = (min(views.shape[:2]) - 1) // 2
+    unused = count_unused_bits(views[center_view(*views.shape[:2])]) if largest else 0
     rows, cols = (slice(max(0, (side - LARGEST_SIDE) // 2), (side + LARGEST_SIDE) // 2) for side in views.shape[2:4])
     votes, votes_unwound = np.zeros((2, 2 * len(ORDERS)), np.intp)
     places: dict[int, list[tuple[int, int]]] = {}
@@ -133,14 +135,14 @@ def estimate_order(views: Views) -> OrderEstimate:
         if largest and not is_settled:
             if factor not in places:
                 center = views[center_view(*views.shape[:2])]
-                places[factor] = _find_tiles(_make_luma(center[rows, cols], factor))
-            counted = _count_votes(views, (rows, cols), places[factor], factor, step)
+                places[factor] = _find_tiles(_make_luma(center[rows, cols], factor, unused))
+            counted = _count_votes(views, (rows, cols), places[factor], factor, step, unused=unused)
             votes, votes_unwound = votes + counted[0], votes_unwound + counted[1]
     for step in dict.fromkeys(min(step, largest) for step in SLOPES):
         # Only odd steps show whether every other row is reversed: they alone have votes in `votes_unwound`.
         is_settled = _sum_up(votes_unwound).is_certain or (step > 1 and _sum_up(votes).is_certain)
         if largest and not is_settled:
-            counted = _count_votes(views, (rows, cols), places[1], 1, step, by_slope=True)
+            counted = _count_votes(views, (rows, cols), places[1], 1, step, unused=unused, by_slope=True)
             votes, votes_unwound = votes + counted[0], votes_unwound + counted[1]
     unwound = _sum_up(votes_unwound)
     return unwound if unwound.is_serpentine and unwound.is_likely else _sum_up(votes)
@@ -159,11 +161,12 @@ def _count_votes(
     factor: int,
     step: int,
     *,
+    unused: int,
     by_slope: bool = False,
 ) -> NDArray[np.intp]:
     """Tiles at `places` that vote for each of `ORDERS` alone, and for each of them without and then with every other
     row reversed, `(2, 8)`: in views downscaled by `factor`, those around `step` from the centre. With an even `step` no
-    row is. `by_slope`: whether disparities are fitted to slopes rather than swept.
+    row is. `unused`: of `count_unused_bits`. `by_slope`: whether disparities are fitted to slopes rather than swept.
     """
     v, u = center_view(*views.shape[:2])
     votes = np.zeros((2, 2 * len(ORDERS)), np.intp)
@@ -174,7 +177,7 @@ def _count_votes(
         view = view[crop]
         parts = [[slice(factor * (at - margin), factor * (at + TILE + margin)) for at in place] for place in places]
         pictures: NDArray[Any] = np.stack([view[rows, cols] for rows, cols in parts])
-        return _make_luma(pictures, factor)
+        return _make_luma(pictures, factor, unused)
 
     center = cut(views[v, u], 0)
 
@@ -239,14 +242,16 @@ def _find_tiles(luma: Plane) -> list[tuple[int, int]]:
     return places
 
 
-def _make_luma(pictures: Pixels, factor: int) -> Plane:
-    """The mean of the colours of `(..., H, W, C)` and of each `factor x factor` pixels, in [0, 1]."""
+def _make_luma(pictures: Pixels, factor: int, unused: int) -> Plane:
+    """The mean of the colours of `(..., H, W, C)` and of each `factor x factor` pixels, in [0, 1] of the range without
+    the `unused` upper bits.
+    """
     *count, height, width, channels = pictures.shape
     rows, cols, colours = height // factor, width // factor, channels - (channels in (2, 4))
     values = pictures[..., : rows * factor, : cols * factor, :colours]
     if factor > 1:
         values = values.reshape(*count, rows, factor, cols * factor * colours).sum(axis=-2, dtype=np.uint32)
     values = values.reshape(*count, rows, cols, factor * colours)
-    weight = 1 / (np.iinfo(pictures.dtype).max * colours * factor**2)
+    weight = 2**unused / (np.iinfo(pictures.dtype).max * colours * factor**2)
     luma: Plane = values.astype(np.float32) @ np.full(factor * colours, weight, np.float32)
     return luma
