@@ -49,6 +49,14 @@ def test_a_wrong_disparity_keeps_the_view():
     assert find_error(focus_everywhere(views, found, ONES), views[2, 2]) < 3
 
 
+def test_16_bits_of_which_10_are_used_differ_as_8_bits_do():
+    """Where the disparity is wrong other views don't count."""
+    views, true = make_views(0)
+    found = DisparityMap((2, 2), true + 3, np.ones_like(true), np.array([FAR, NEAR]), "cameras")
+    picture = focus_everywhere(views.astype(np.uint16) * 4, found, ONES)
+    np.testing.assert_allclose(picture / 4, focus_everywhere(views, found, ONES), atol=0.1)
+
+
 def test_of_a_light_field():
     views, _ = make_views(0)
     light_field = LightField(views, depth_sense="cameras")
