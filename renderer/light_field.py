@@ -235,13 +235,22 @@ class LightField:
         """A view in which everything is sharp, with less noise, `(H, W, C)`: the views at each pixel's disparity.
 
         `found`: the disparity of the view, by default that of the centre view, which is estimated. `aperture` and
-        `shape` as for `planes`. Raises `InvalidOption` as `disparity` and `planes`.
+        `shape` as for `planes`. Raises `InvalidOption` as `disparity` and `planes`, and for a map of other views.
         """
         from ciir.renderer.focus.all_in_focus import focus_everywhere
         from ciir.renderer.focus.apertures import read_aperture
+        from ciir.renderer.focus.disparity import DisparityMap
 
         weights = read_aperture(aperture, self.views.shape[:2], shape)
         found = self.disparity() if found is None else found
+        if not isinstance(found, DisparityMap):
+            raise InvalidOption(f"found: {type(found).__name__} is not taken; give what disparity() returns")
+        if found.depth_sense != self.depth_sense:
+            raise InvalidOption(
+                f"found: of views with the depth sense {found.depth_sense}, not {self.depth_sense}; give the disparity "
+                "of this light field"
+            )
+        self.view(*found.view)
         return round_levels(focus_everywhere(self.views, found, weights), self.views.dtype)
 
     def disparity(self, view: View | None = None, *, limits: tuple[float, float] | None = None) -> DisparityMap:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from ciir.bit_depth import count_unused_bits, raise_levels
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
@@ -60,10 +61,11 @@ def convert_to_rgb(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def reconstruct_views(source: Source, options: Options) -> tuple[NDArray[np.uint8], Report]:
-    """The views that `options` select, `(n, H, W, 3)` 8 bit, and the report."""
+    """The views that `options` select, `(n, H, W, 3)` 8 bit, and the report; 16 bits count as if all were used."""
     writer = MemoryWriter()
     report = reconstruct(source, options, writer)
     pixels = np.stack(list(writer.views.values()))
+    pixels = raise_levels(pixels, count_unused_bits(pixels))
     eight = pixels if pixels.dtype == np.uint8 else (pixels.astype(np.uint32) + 128) // 257
     return convert_to_rgb(eight.astype(np.uint8)), report
 

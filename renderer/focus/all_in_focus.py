@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import ndimage
 
+from ciir.bit_depth import count_unused_bits
 from ciir.cores import count_available_cores
 from ciir.errors import InvalidOption
 from ciir.renderer.focus.kernels import make_taps
@@ -37,7 +38,8 @@ def focus_everywhere(views: NDArray[Any], found: DisparityMap, weights: NDArray[
         raise InvalidOption(f"disparity: {given} pixels are not those of the views, {wanted}; give that of one of them")
     own = views[found.view].astype(np.float32)
     noise = 2 * estimate_noise(views[found.view]) ** 2  # of a difference, squared
-    tolerance = (DIFFERENCE * np.iinfo(views.dtype).max / 255) ** 2 + MARGIN * noise
+    level = np.iinfo(views.dtype).max / 255 / 2 ** count_unused_bits(views)
+    tolerance = (DIFFERENCE * level) ** 2 + MARGIN * noise
 
     def add_row(v: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """The sum of a row of views and of their shares, `(H, W, C)` and `(H, W)`."""

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
+from ciir.bit_depth import count_unused_bits
 from ciir.cores import count_available_cores
 from ciir.errors import InvalidOption
 from ciir.renderer.focus.kernels import REACH, make_sinc_taps
@@ -62,8 +63,8 @@ def make_planes(
 def _make_plane(views: NDArray[Any], disparity: float, weights: NDArray[np.float32]) -> NDArray[np.float32]:
     """One plane, `(H, W, C)`, in blocks of rows."""
     height = views.shape[2]
-    scale = np.iinfo(views.dtype).max / 255
-    tolerance = (DIFFERENCE * scale) ** 2 + 2 * estimate_noise(views[center_view(*views.shape[:2])]) ** 2
+    level = np.iinfo(views.dtype).max / 255 / 2 ** count_unused_bits(views)
+    tolerance = (DIFFERENCE * level) ** 2 + 2 * estimate_noise(views[center_view(*views.shape[:2])]) ** 2
     step = max(1, _BLOCK * height // views.size)
     blocks = [np.arange(start, min(start + step, height)) for start in range(0, height, step)]
     with ThreadPoolExecutor(count_available_cores()) as pool:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ciir.bit_depth import count_unused_bits
 from ciir.renderer.view_order.evidence import AROUND, ORDERS, REACH, correlate, fit_slopes, sweep_disparities
 from ciir.renderer.view_order.tiles import crop_middle, cut_tiles, find_tiles, make_luma
 from ciir.renderer.views import center_view
@@ -109,6 +110,7 @@ def estimate_order(views: Views) -> OrderEstimate:
     where content hardly moves.
     """
     largest = (min(views.shape[:2]) - 1) // 2
+    unused = count_unused_bits(views[center_view(*views.shape[:2])]) if largest else 0
     crop = crop_middle(views)
     votes, votes_unwound = np.zeros((2, 2 * len(ORDERS)), np.intp)
     places: dict[int, list[tuple[int, int]]] = {}
@@ -117,14 +119,14 @@ def estimate_order(views: Views) -> OrderEstimate:
         if largest and not is_settled:
             if factor not in places:
                 center = views[center_view(*views.shape[:2])]
-                places[factor] = find_tiles(make_luma(center[crop], factor))
-            counted = _count_votes(views, crop, places[factor], factor, step)
+                places[factor] = find_tiles(make_luma(center[crop], factor, unused))
+            counted = _count_votes(views, crop, places[factor], factor, step, unused=unused)
             votes, votes_unwound = votes + counted[0], votes_unwound + counted[1]
     for step in dict.fromkeys(min(step, largest) for step in SLOPES):
         # Only odd steps show whether every other row is reversed: they alone have votes in `votes_unwound`.
         is_settled = _sum_up(votes_unwound).is_certain or (step > 1 and _sum_up(votes).is_certain)
         if largest and not is_settled:
-            counted = _count_votes(views, crop, places[1], 1, step, by_slope=True)
+            counted = _count_votes(views, crop, places[1], 1, step, unused=unused, by_slope=True)
             votes, votes_unwound = votes + counted[0], votes_unwound + counted[1]
     unwound = _sum_up(votes_unwound)
     return unwound if unwound.is_serpentine and unwound.is_likely else _sum_up(votes)
@@ -143,18 +145,19 @@ def _count_votes(
     factor: int,
     step: int,
     *,
+    unused: int,
     by_slope: bool = False,
 ) -> NDArray[np.intp]:
     """Tiles at `places` that vote for each of `ORDERS` alone, and for each of them without and then with every other
     row reversed, `(2, 8)`: in views downscaled by `factor`, those around `step` from the centre. With an even `step` no
-    row is. `by_slope`: whether disparities are fitted to slopes rather than swept.
+    row is. `unused`: of `count_unused_bits`. `by_slope`: whether disparities are fitted to slopes rather than swept.
     """
     v, u = center_view(*views.shape[:2])
     votes = np.zeros((2, 2 * len(ORDERS)), np.intp)
     if not places:
         return votes
 
-    center = cut_tiles(views[v, u][crop], places, factor)
+    center = cut_tiles(views[v, u][crop], places, factor, unused=unused)
 
     given = unwound = [(v + step * down, u + step * right) for down, right in AROUND]
     if step % 2:
@@ -163,7 +166,9 @@ def _count_votes(
         around = [(v + step * down, at + step * right) for down, right in AROUND]
         unwound = [(row, mirror - column if row % 2 else column) for row, column in around]
     needed = list(dict.fromkeys([*given, *unwound]))
-    pictures = np.stack([cut_tiles(views[view][crop], places, factor, margin=REACH) for view in needed], axis=1)
+    pictures = np.stack(
+        [cut_tiles(views[view][crop], places, factor, margin=REACH, unused=unused) for view in needed], axis=1
+    )
     which = [[needed.index(view) for view in each] for each in (given, unwound)]
     if by_slope:
         explained = [fit_slopes(center, pictures[:, each]) for each in which]

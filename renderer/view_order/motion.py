@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ciir.bit_depth import count_unused_bits
 from ciir.renderer.view_order.evidence import AROUND, REACH, correlate, find_shifts
 from ciir.renderer.view_order.tiles import crop_middle, cut_tiles, find_tiles, make_luma
 from ciir.renderer.views import center_view
@@ -32,12 +33,13 @@ def measure_motion(views: Views) -> float | None:
         return None
     crop = crop_middle(views)
     center = views[v, u][crop]
-    places = find_tiles(make_luma(center, 1))
+    unused = count_unused_bits(center)
+    places = find_tiles(make_luma(center, 1, unused))
     if len(places) < LEAST_TILES:
         return None
     around = [views[v + STEP * down, u + STEP * right][crop] for down, right in AROUND]
-    pictures = np.stack([cut_tiles(view, places, margin=REACH) for view in around], axis=1)
-    shifts, correlation = find_shifts(correlate(cut_tiles(center, places), pictures))
+    pictures = np.stack([cut_tiles(view, places, margin=REACH, unused=unused) for view in around], axis=1)
+    shifts, correlation = find_shifts(correlate(cut_tiles(center, places, unused=unused), pictures))
     is_found = correlation >= LEAST_CORRELATION
     if np.count_nonzero(is_found) < LEAST_TILES:
         return None

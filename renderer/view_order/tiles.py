@@ -42,13 +42,15 @@ def crop_middle(views: Views) -> tuple[slice, slice]:
     return rows, cols
 
 
-def cut_tiles(view: Pixels, places: Sequence[tuple[int, int]], factor: int = 1, *, margin: int = 0) -> Plane:
+def cut_tiles(
+    view: Pixels, places: Sequence[tuple[int, int]], factor: int = 1, *, margin: int = 0, unused: int
+) -> Plane:
     """The luma of the tiles of a view at `places`, with `margin` more pixels to each side, all downscaled by `factor`:
-    `(T, TILE + 2*margin, TILE + 2*margin)`.
+    `(T, TILE + 2*margin, TILE + 2*margin)`. `unused`: of `count_unused_bits`.
     """
     parts = [[slice(factor * (at - margin), factor * (at + TILE + margin)) for at in place] for place in places]
     pictures: NDArray[Any] = np.stack([view[rows, cols] for rows, cols in parts])
-    return make_luma(pictures, factor)
+    return make_luma(pictures, factor, unused)
 
 
 def find_tiles(luma: Plane) -> list[tuple[int, int]]:
@@ -79,14 +81,16 @@ def find_tiles(luma: Plane) -> list[tuple[int, int]]:
     return places
 
 
-def make_luma(pictures: Pixels, factor: int) -> Plane:
-    """The mean of the colours of `(..., H, W, C)` and of each `factor x factor` pixels, in [0, 1]."""
+def make_luma(pictures: Pixels, factor: int, unused: int) -> Plane:
+    """The mean of the colours of `(..., H, W, C)` and of each `factor x factor` pixels, in [0, 1] of the range without
+    the `unused` upper bits.
+    """
     *count, height, width, channels = pictures.shape
     rows, cols, colours = height // factor, width // factor, channels - (channels in (2, 4))
     values = pictures[..., : rows * factor, : cols * factor, :colours]
     if factor > 1:
         values = values.reshape(*count, rows, factor, cols * factor * colours).sum(axis=-2, dtype=np.uint32)
     values = values.reshape(*count, rows, cols, factor * colours)
-    weight = 1 / (np.iinfo(pictures.dtype).max * colours * factor**2)
+    weight = 2**unused / (np.iinfo(pictures.dtype).max * colours * factor**2)
     luma: Plane = values.astype(np.float32) @ np.full(factor * colours, weight, np.float32)
     return luma

@@ -57,8 +57,12 @@ class HtmlWriter(Writer):
         return file_name(view)
 
     def finish(self, report: dict[str, Any]) -> None:
-        """Writes the page."""
+        """Writes the page, and adds notes on what it doesn't hold to the report."""
         contents = self._contents
+        notes = ["html: alpha is left out"] * (contents.channels in (2, 4))
+        notes += ["html: 16 bits are rounded to 8"] * (contents.dtype.itemsize > 1)
+        if notes:
+            report["notes"] += notes
         light_field = {
             "rows": contents.grid[0],
             "cols": contents.grid[1],

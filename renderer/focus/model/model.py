@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import ndimage
 
+from ciir.bit_depth import count_unused_bits, raise_levels
 from ciir.errors import InvalidOption
 from ciir.renderer.focus.disparity import check_views, estimate_disparity, note_reach
 from ciir.renderer.focus.model.colors import fit_colors
@@ -88,6 +89,7 @@ def make_model(
     Surfaces are cut where the disparity jumps so far from one pixel to the next that the farther half of the views on
     one side would not see what lies between. `keeps_background`: otherwise pixels that are black, or transparent, and
     joined to the picture's border by others are no surface, where they are over `LEAST_BACKGROUND` of all pixels.
+    Colours of 16-bit views that use fewer bits are as bright as if they used all.
 
     Raises `InvalidOption` for a single view and where nothing but background is there.
     """
@@ -95,7 +97,7 @@ def make_model(
 
     from ciir.renderer.backends import open_backend
 
-    field = light_field.with_depth_sense("lenses")
+    field = _prepare_views(light_field)
     check_views(field.views)
     count_v, count_u, rows, cols, _ = field.shape
     array = LensArray(rows, cols, count_v, count_u, 1.0 if pitch is None else pitch, delta or 0.0)
@@ -151,6 +153,13 @@ def make_model(
     if not delta:
         notes = (*notes, f"delta: unknown and taken as {array.delta:.4g}, which sets the model's length along z")
     return replace(_drop_unused(model), notes=(*light_field.notes, *notes))
+
+
+def _prepare_views(light_field: LightField) -> LightField:
+    """The light field of a lens array, with levels that use all bits where they are of 16."""
+    unused = count_unused_bits(light_field.views)
+    field = light_field.with_depth_sense("lenses")
+    return replace(field, views=raise_levels(field.views, unused))
 
 
 def _read_picture(view: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.float64]:

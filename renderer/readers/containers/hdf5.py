@@ -50,8 +50,9 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
             return _read_mosaic(DataSet.open(file, mosaic, data, name), layout, limits)
         stored = DataSet.open(file, find_light_field(shapes, name, NEEDED), data, name)
         is_hci, shape = HCI_ATTRIBUTE in file.attrs, stored.shape
-        # Views have more pixels than there are views: in `[c, x, y, u, v]` x comes before u.
-        is_matlab = "MATLAB_class" in stored.handle.attrs or (len(shape) == 5 and shape[0] <= 4 and shape[1] > shape[3])
+        # Views have more pixels than there are views: in `[c, x, y, u, v]` x comes before u. MATLAB omits a c of 1.
+        is_reversed = len(shape) == 5 and 1 < shape[0] <= 4 and shape[1] > shape[3]
+        is_matlab = "MATLAB_class" in stored.handle.attrs or is_reversed
         return _read_matlab(stored, limits) if is_matlab and not is_hci else _read_plain(stored, limits, is_hci)
 
 

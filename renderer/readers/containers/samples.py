@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.levels import advise_levels
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.readers.pictures import MAX_SIDE
 
@@ -24,6 +25,8 @@ ROUNDED = "samples are floating-point numbers, rounded to 16 bit"
 """A note."""
 MARGIN = 0.49 / 65535
 """By how much samples may pass 0 and 1, as they do by rounding: the level that is nearest is still the last one."""
+LEVELS = 2
+"""Floating-point samples over this are levels of 8 or 16 bits, as `advise_levels` takes them."""
 TAKEN_AS_CAMERAS = (
     "depth: the file doesn't say what u and v count; they are taken as cameras from the left and from the top; where "
     "near and far are exchanged, as of pixels under a lens array, give depth_sense lenses"
@@ -117,9 +120,11 @@ def convert_samples(array: NDArray[Any], name: str) -> tuple[NDArray[Any], tuple
         low, high = float(view.min()), float(view.max())
         if not (low >= -MARGIN and high <= 1 + MARGIN):  # false for NaN, too
             found = "samples that are NaN" if np.isnan(low) else f"samples from {low:.7g} to {high:.7g}"
+            advice = "as array.clip(0, 1) has, or uint8 or uint16"
+            if LEVELS < array.max() < np.inf:
+                advice = f"or uint8 or uint16, as in {advise_levels(array)}"
             raise Unreadable(
-                f"{name}: view {index[0]},{index[1]} has {found}; give floating-point numbers from 0 to 1, as "
-                "array.clip(0, 1) has, or uint8 or uint16"
+                f"{name}: view {index[0]},{index[1]} has {found}; give floating-point numbers from 0 to 1, {advice}"
             )
         np.rint(
             view * view.dtype.type(65535) if view.itemsize > 2 else view.astype(np.float32) * 65535,

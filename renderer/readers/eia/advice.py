@@ -148,8 +148,11 @@ def _describe_period(periods: Periods, arrangement: Arrangement) -> str:
     if arrangement == "mosaic":
         return f"{advice}, as {counts[0]}x{counts[1]} views would" if all(map(is_near, found, nearest)) else advice
     fitting = [size for size in periods.rank_sizes() if all(map(is_about, found, size))]
+    divides = nearest == [*found]
+    if divides and found not in fitting:  # squares are ranked first
+        fitting = [found, *fitting]
     own = " or ".join("{}x{}".format(*size) for size in fitting or [found])
-    if nearest == [*found]:
+    if divides:
         views = "{}x{}".format(*counts)
         advice += f", the size of an elemental image (pixels {own}) or of a view of a mosaic (pixels {views})"
         return advice + advise_quilt(found, (counts[0], counts[1]))

@@ -59,6 +59,14 @@ def test_a_light_field_is_its_own_truth():
     assert np.abs(low - mean).max() <= 0.5  # rounded to the nearest
 
 
+def test_16_bits_of_which_10_are_used_keep_8():
+    """Else they had 2, and scores of 60 dB."""
+    views = field()
+    deep = given(views.astype(np.uint16) * 4)
+    lenslet = list(list_works(deep, "eia", lenses=(), array=Options(lenses=(24, 20))))[1]
+    np.testing.assert_allclose(lenslet.truth[2], views[1, 1].astype(int), atol=1)
+
+
 def test_halving_keeps_the_phase():
     """A ramp's cells have their own mean at their middle: any shift would show as a constant difference."""
     ramp = np.broadcast_to((np.arange(40) * 4).astype(np.uint8)[None, None, :, None], (1, 40, 40, 3))

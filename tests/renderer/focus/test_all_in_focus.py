@@ -49,6 +49,14 @@ def test_a_wrong_disparity_keeps_the_view():
     assert find_error(focus_everywhere(views, found, ONES), views[2, 2]) < 3
 
 
+def test_16_bits_of_which_10_are_used_differ_as_8_bits_do():
+    """Where the disparity is wrong other views don't count."""
+    views, true = make_views(0)
+    found = DisparityMap((2, 2), true + 3, np.ones_like(true), np.array([FAR, NEAR]), "cameras")
+    picture = focus_everywhere(views.astype(np.uint16) * 4, found, ONES)
+    np.testing.assert_allclose(picture / 4, focus_everywhere(views, found, ONES), atol=0.1)
+
+
 def test_of_a_light_field():
     views, _ = make_views(0)
     light_field = LightField(views, depth_sense="cameras")
@@ -79,3 +87,15 @@ def test_a_disparity_of_other_pixels():
     found = DisparityMap((2, 2), true[:-1], true[:-1], np.array([FAR, NEAR]), "cameras")
     with pytest.raises(InvalidOption, match="disparity: 59x70 pixels are not those of the views, 60x70"):
         focus_everywhere(views, found, ONES)
+
+
+def test_a_disparity_of_another_light_field():
+    views, _ = make_views(0)
+    light_field = LightField(views, depth_sense="cameras")
+    found = light_field.disparity()
+    with pytest.raises(InvalidOption, match=r"found: ndarray is not taken; give what disparity\(\) returns"):
+        light_field.all_in_focus(found.disparity)
+    with pytest.raises(InvalidOption, match="found: of views with the depth sense cameras, not lenses; give the"):
+        light_field.with_depth_sense("lenses").all_in_focus(found)
+    with pytest.raises(InvalidOption, match="view: 2,2 is not there; v goes from 0 to 1 and u from 0 to 4"):
+        light_field[:2].all_in_focus(found)

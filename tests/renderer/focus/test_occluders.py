@@ -40,6 +40,12 @@ def test_a_wall_behind_a_fence(noise, least):
     assert compute_psnr(removed[inside], wall[inside]) > least
 
 
+def test_a_wall_behind_a_fence_in_16_bits_of_which_10_are_used():
+    views, wall = make_scene()
+    (removed,) = make_planes(views.astype(np.uint16) * 4, [WALL], ONES, "mapping", "remove")
+    assert compute_psnr(removed[5:-5, 5:-5] / 4, wall[5:-5, 5:-5]) > 45
+
+
 def test_without_occluders_it_is_the_mean():
     """Two steps of the weighted mean of views without differences are the mean."""
     views, _ = make_scene()

@@ -60,6 +60,12 @@ def test_views_that_hardly_differ(order, grid, monkeypatch):
     assert not estimate_order(wind(given)).is_serpentine
 
 
+@pytest.mark.parametrize("views", [make_views(), make_near_views((3, 3))], ids=["far", "near"])
+def test_16_bits_of_which_10_are_used_show_what_8_bits_do(views):
+    given = put_in("transposed", views)
+    assert estimate_order(given.astype(np.uint16) * 4) == estimate_order(given)
+
+
 def test_one_axis_reversed_is_the_same_for_both_axes():
     views = make_views()
     for other in (views[::-1], views[:, ::-1]):

@@ -37,6 +37,15 @@ def test_holds_every_view_in_its_place(tmp_path, dtype):
         assert np.abs(picture.astype(int) - colour).max() <= 2  # JPEG of quality 95 on a plain colour
 
 
+def test_what_it_does_not_hold_is_noted(tmp_path):
+    views = np.full((2, 2, 4, 4, 4), 30000, np.uint16)
+    alpha, bits = "html: alpha is left out", "html: 16 bits are rounded to 8"
+    assert LightField(views).save(tmp_path / "a.html") == (alpha, bits)
+    assert LightField(views[..., :3]).save(tmp_path / "a.html") == (bits,)
+    assert LightField(views[..., :2].astype(np.uint8)).save(tmp_path / "a.html") == (alpha,)
+    assert LightField(views[..., :3].astype(np.uint8)).save(tmp_path / "a.html") == ()
+
+
 def test_nothing_is_loaded_from_elsewhere(tmp_path):
     make_light_field().save(tmp_path / "a.html")
     assert not re.search(r"https?:|src=|href=|^import", (tmp_path / "a.html").read_text(), re.MULTILINE)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ciir.bit_depth import count_unused_bits, raise_levels
 from ciir.errors import InputError
 from ciir.renderer.light_field import LightField
 from ciir.renderer.limits import DEFAULT_LIMITS
@@ -29,7 +30,7 @@ def read_views(path: Path, *, grid: tuple[int, int] | None = None, layout: Layou
     """Reads a light field, `(V, U, H, W, 3)` 8-bit RGB, of which `grid` = (V, U) are the middle views, by default all.
 
     `path`: a folder or a zip of views, or any other light field that `ciir.open` reads. `layout`: how it lies in its
-    file, where a caller can say. 16-bit views are rounded to 8 bits.
+    file, where a caller can say. 16-bit views are rounded to 8 bits, as if they used all 16 where they use fewer.
 
     Raises `ValueError` where there is no full grid of views of one size, it is smaller than `grid`, or the views are
     smaller than `LEAST`.
@@ -65,7 +66,7 @@ def read_views(path: Path, *, grid: tuple[int, int] | None = None, layout: Layou
     top, left = (views.shape[0] - down) // 2, (views.shape[1] - across) // 2
     views = views[top : top + down, left : left + across]
     if views.dtype == np.uint16:
-        views = np.rint(views / 257)
+        views = np.rint(raise_levels(views, count_unused_bits(views)) / 257)
     return np.ascontiguousarray(np.broadcast_to(views, (*views.shape[:4], 3)).astype(np.uint8))
 
 

@@ -56,6 +56,11 @@ def test_surfaces_lie_where_they_were(model):
     assert not model.notes
 
 
+def test_16_bits_of_which_10_are_used_have_the_colours_of_8(captured, model):
+    dark = make_model(LightField(captured.views.astype(np.uint16) * 4), pitch=2.0, delta=0.1)
+    np.testing.assert_allclose(dark.colors.mean(axis=0), model.colors.mean(axis=0), atol=2)
+
+
 def test_it_renders_as_it_was_captured(captured, model):
     error = np.square(render(model.scene()).views.astype(float) - captured.views).mean()
     assert 10 * np.log10(255**2 / error) > 28

@@ -1,5 +1,6 @@
 import io
 import pickle
+import re
 import tracemalloc
 import zipfile
 
@@ -99,6 +100,13 @@ def test_floating_point_out_of_range_is_refused(worst, words):
     array[1, 2, 3, 4, 0] = worst
     with pytest.raises(Unreadable, match=rf"view 1,2 has samples .*{words}.*; give floating-point numbers from 0 to 1"):
         read(saved(array))
+
+
+@pytest.mark.parametrize(("times", "advice"), [(1, "views.round().astype('u1')"), (257, "views.round().astype('u2')")])
+def test_levels_as_floating_point_are_not_to_be_clipped(times, advice):
+    """That would make all of them white."""
+    with pytest.raises(Unreadable, match=re.escape(f"from 0 to 1, or uint8 or uint16, as in {advice}")):
+        read(saved(numbered("u1").astype("f4") * times))
 
 
 def test_floating_point_may_pass_the_range_by_rounding():

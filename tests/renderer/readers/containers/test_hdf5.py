@@ -108,6 +108,13 @@ def test_matlab_without_its_class():
     check_places(read(made(fill)))
 
 
+def test_a_row_of_more_views_than_columns_of_pixels_is_not_matlabs():
+    """MATLAB leaves out a last axis of 1, which would be the first one here."""
+    stored = np.random.default_rng(0).integers(0, 256, (1, 9, H, W, 3), np.uint8)
+    found = read(made(lambda file: file.create_dataset("LF", data=stored)))
+    np.testing.assert_array_equal(found.views, stored)
+
+
 def test_the_weight_is_left_out_with_a_note():
     found = read(made(fill_reversed("u1", 4)))
     check_places(found)

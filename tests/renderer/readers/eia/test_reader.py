@@ -128,6 +128,11 @@ def test_sizes_that_parallax_may_have_changed_are_named_too(pixels, words):
     assert f"the picture repeats about {words}" in message(eia)
 
 
+def test_a_period_that_divides_the_picture_is_named_though_squares_fit_about_as_well():
+    eia = LightField(make_views((7, 9), side=48)).eia()
+    assert "repeats about every 7x9 pixels, the size of an elemental image (pixels 7x9 or 8x8) or of" in message(eia)
+
+
 def test_margins_are_cut_off():
     padded = np.pad(EIA, ((2, 3), (0, 4), (0, 0)))
     assert np.array_equal(read(padded, pixels=(5, 7), crop=(2, 0, 3, 4)).views, VIEWS)

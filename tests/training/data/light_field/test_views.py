@@ -33,6 +33,14 @@ def test_the_middle_ones_of_more(tmp_path, grid, part):
     np.testing.assert_array_equal(read_views(save(tmp_path / "a", pixels), grid=grid), pixels[part])
 
 
+def test_16_bits_of_which_10_are_used_keep_8(tmp_path):
+    """Else they had 2, and scores of 60 dB."""
+    pixels = views(3, 3)
+    pixels[0, 0, 0, 0] = 255
+    LightField(pixels.astype(np.uint16) * 4, depth_sense="cameras").save(tmp_path / "a.npy")
+    np.testing.assert_allclose(read_views(tmp_path / "a.npy"), pixels.astype(int), atol=1)
+
+
 def test_grey_views_become_rgb(tmp_path):
     pixels = views(2, 2)[..., 0]
     found = read_views(save(tmp_path / "a", pixels))
