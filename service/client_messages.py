@@ -132,9 +132,14 @@ class Cursor:
             raise error if isinstance(error, ConnectionFailed) else make_connection_error(url, error) from error
 
 
-def make_key(api_key: str | None) -> dict[str, str]:
-    """Headers with the API key."""
-    return {} if api_key is None else {"Authorization": f"Bearer {api_key}"}
+def make_key(api_key: str | None) -> dict[bytes, bytes]:
+    """Headers with the API key. Raises `InvalidOption` for one that no header can hold."""
+    if api_key is None:
+        return {}
+    key = api_key.strip()  # as the server reads its own: one that comes from a file has a line end
+    if not key.isprintable():
+        raise InvalidOption("api_key: holds a line end or another control character; give one of the server's keys")
+    return {b"Authorization": b"Bearer " + key.encode()}
 
 
 def write_fields(kind: KindName, options: Mapping[str, object]) -> dict[str, str]:
