@@ -193,6 +193,17 @@ def test_a_key_that_no_header_can_hold_is_refused_and_not_shown(kind):
     assert "first" not in str(caught.value)
 
 
+@pytest.mark.parametrize("kind", ["reconstructions", "view"])
+def test_a_kind_that_there_is_not(kind):
+    """The paths of HTTP have the plural."""
+    client, _ = make_client()
+    expected = f"^kind: no '{kind}' here; give one of reconstruction, upscale, .*, inspection$"
+    with pytest.raises(InvalidOption, match=expected):
+        client.submit("scene:vase", kind)
+    with pytest.raises(InvalidOption, match=expected):
+        client.job("0" * 32, kind)
+
+
 class Breaks(httpx2.SyncByteStream):
     """A stream of events that ends within the second one."""
 
