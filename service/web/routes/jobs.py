@@ -66,6 +66,7 @@ async def create_job(request: Request, kind: FoundKind, state: State) -> Respons
     state.engine.check_accepting()
     upload.check_query(request.query_params)
     upload.check_content_type(request.headers.get("content-type"))
+    upload.check_encoding(request.headers.get("content-encoding"))
     form = await multipart.read_form(request)
     try:
         given = upload.parse_form(form.multi_items(), kind)
