@@ -132,15 +132,27 @@ class Cursor:
             raise error if isinstance(error, ConnectionFailed) else make_connection_error(url, error) from error
 
 
-def make_key(api_key: str | None) -> dict[str, str]:
-    """Headers with the API key."""
-    return {} if api_key is None else {"Authorization": f"Bearer {api_key}"}
+def make_key(api_key: str | None) -> dict[bytes, bytes]:
+    """Headers with the API key. Raises `InvalidOption` for one that no header can hold."""
+    if api_key is None:
+        return {}
+    key = api_key.strip()  # as the server reads its own: one that comes from a file has a line end
+    if not key.isprintable():
+        raise InvalidOption("api_key: holds a line end or another control character; give one of the server's keys")
+    return {b"Authorization": b"Bearer " + key.encode()}
+
+
+def _check_kind(kind: str) -> None:
+    """Raises `InvalidOption` unless it is a kind of job."""
+    if kind not in KINDS:
+        raise InvalidOption(f"kind: no {kind[:40]!r} here; give one of {', '.join(KINDS)}")
 
 
 def write_fields(kind: KindName, options: Mapping[str, object]) -> dict[str, str]:
-    """Form fields. Raises `InvalidOption`, also for an option that the kind of job hasn't, and `Unreadable` for an
-    option's file.
+    """Form fields. Raises `InvalidOption`, also for a kind that there is not and an option that the kind of job hasn't,
+    and `Unreadable` for an option's file.
     """
+    _check_kind(kind)
     known = KINDS[kind].options
     form = options.get("format")
     rest = {name: value for name, value in options.items() if name != "format"}
@@ -251,7 +263,8 @@ def read_path(response: httpx2.Response) -> str:
 
 
 def make_path(id_: str, kind: KindName) -> str:
-    """The path of a job."""
+    """The path of a job. Raises `InvalidOption`."""
+    _check_kind(kind)
     if re.fullmatch("[0-9a-f]{32}", id_) is None:
         raise InvalidOption(f"id: {id_[:40]!r} is no job's; give the 32 digits of Job.id or of its path")
     return f"/v1/{KINDS[kind].plural}/{id_}"

@@ -242,7 +242,7 @@ def _read_secret(variable: str, path: Path) -> str:
     if os.environ.get(variable):
         raise InvalidOption(f"{variable} and {variable}_FILE are both set; unset one")
     try:
-        content = path.read_text(encoding="utf-8").strip()
+        content = path.read_text(encoding="utf-8-sig").strip()  # editors on Windows begin a file with a mark
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not UTF-8"
         raise InvalidOption(f"{variable}_FILE: {path}: {reason}; name a file that can be read") from error

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import dask
 from distributed import Client, LocalCluster, get_worker
+from distributed.comm.addressing import get_address_host_port
 
 from ciir import cores
 from ciir.errors import InvalidOption
@@ -85,6 +86,7 @@ def connect(address: str, seconds: float = CONNECT_SECONDS) -> Client:
     end = time.monotonic() + seconds
     while True:
         try:
+            get_address_host_port(address)  # a client that raises this itself takes a minute to end
             client = Client(address, timeout=min(seconds, CONNECT_SECONDS), set_as_default=False)
         except (OSError, ValueError) as error:
             if isinstance(error, ValueError) or time.monotonic() > end:

@@ -13,7 +13,7 @@ from ciir.errors import InputError, InvalidOption
 from ciir.renderer.readers.names import clean_text, is_hidden
 from ciir.renderer.readers.registry import SUFFIXES, VIDEOS, is_picture
 from ciir.renderer.readers.view_set.grid import find_grids
-from ciir.service.batch.places import open_filesystem
+from ciir.service.batch.places import open_filesystem, reach_store
 from ciir.service.batch.task import Task
 from ciir.service.pipeline.source import SCENE
 
@@ -58,6 +58,11 @@ def _find(text: str, has_arrays: bool, sets: bool) -> Iterator[Found]:
     if not text:
         raise InvalidOption("INPUT: '' is no name; give a file, a folder, a glob, or . for this folder")
     files, path = open_filesystem(text)
+    with reach_store(text, files):
+        yield from _find_in(files, path, text, has_arrays, sets)
+
+
+def _find_in(files: Any, path: str, text: str, has_arrays: bool, sets: bool) -> Iterator[Found]:
     if files.isdir(path):
         yield from _look_in(files, path, PurePosixPath(path), has_arrays, sets)
     elif files.exists(path):

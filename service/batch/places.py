@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any
 import fsspec
 from fsspec.implementations.local import LocalFileSystem
 
-from ciir.errors import InvalidOption, TooLarge, Unreadable, advise_extra
+from ciir.errors import Error, InvalidOption, TooLarge, Unreadable, advise_extra
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.names import clean_text, is_hidden, resolve_key
 from ciir.renderer.writers.atomic_write import replacing
+from ciir.service.errors import join_lines
 from ciir.service.pipeline.limits import read_limits
 from ciir.service.pipeline.source import SCENE, open_source
 
@@ -42,6 +43,22 @@ def open_filesystem(text: str) -> tuple[Any, str]:
     except ValueError as error:
         raise InvalidOption(f"{text}: no such kind of URL ({error}); give a path, or a URL such as s3://") from error
     return filesystem, path.rstrip("/") or path
+
+
+@contextmanager
+def reach_store(text: str, filesystem: Any) -> Iterator[None]:
+    """Raises `InvalidOption` in place of an error of the client of the store at the URL `text`: each has its own, as
+    botocore's where there are no credentials. Errors of local files stay.
+    """
+    try:
+        yield
+    except Exception as error:
+        if isinstance(error, Error) or isinstance(filesystem, LocalFileSystem):
+            raise
+        raise InvalidOption(
+            f"{text}: can't be reached ({join_lines(str(error) or type(error).__name__)}); check the address, and the "
+            "variables with its credentials"
+        ) from error
 
 
 def open_place(text: str) -> Source:
@@ -120,6 +137,8 @@ class Outputs:
         self._is_local = isinstance(self._filesystem, LocalFileSystem)
         if self._is_local and Path(self._root).exists() and not Path(self._root).is_dir():
             raise InvalidOption(f"{text}: a file is there; name a folder for the outputs")
+        with reach_store(text, self._filesystem):  # before any work, as it begins with reading a record
+            self.read(f"{STATE}/records/none")
 
     def _path(self, name: str) -> str:
         return f"{self._root}/{name}"

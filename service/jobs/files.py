@@ -95,7 +95,7 @@ class Files:
                     make_folder(Path(self._path(folder)))
                 else:
                     self._fs.makedirs(self._path(folder), exist_ok=True)
-        except (OSError, ImportError, ValueError) as error:
+        except Exception as error:  # each store's client has errors of its own
             raise InvalidOption(f"{place}: files can't be stored there ({error}); name another place") from error
 
     def _path(self, *names: str) -> str:

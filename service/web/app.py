@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from ciir.service.settings import Settings
 
 EXPOSED = (
+    "Content-Disposition",
     "Content-Location",
     "ETag",
     "Location",

@@ -11,6 +11,7 @@ from ciir import errors
 from ciir.errors import (
     ConnectionFailed,
     Error,
+    InvalidOption,
     NotDone,
     NotFound,
     QueueFull,
@@ -178,10 +179,29 @@ def test_the_server_answers_before_the_time_out(eia_file):
         assert 10 <= int(seconds) <= client_module.TIMEOUT_SECONDS / 2
 
 
-def test_the_key_is_sent():
-    client, requests = make_client(httpx2.Response(200, json=[]), api_key="k")
+@pytest.mark.parametrize("key", ["k", "k\n", " k\r\n", "\u00fc"])
+def test_the_key_is_sent_as_the_server_reads_its_own(key):
+    client, requests = make_client(httpx2.Response(200, json=[]), api_key=key)
     client.models()
-    assert requests[0].headers["authorization"] == "Bearer k"
+    assert dict(requests[0].headers.raw)[b"Authorization"] == f"Bearer {key.strip()}".encode()
+
+
+@pytest.mark.parametrize("kind", [Client, AsyncClient])
+def test_a_key_that_no_header_can_hold_is_refused_and_not_shown(kind):
+    with pytest.raises(InvalidOption, match=r"^api_key: .* give one of the server's keys$") as caught:
+        kind("http://server", api_key="first\nsecond")
+    assert "first" not in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", ["reconstructions", "view"])
+def test_a_kind_that_there_is_not(kind):
+    """The paths of HTTP have the plural."""
+    client, _ = make_client()
+    expected = f"^kind: no '{kind}' here; give one of reconstruction, upscale, .*, inspection$"
+    with pytest.raises(InvalidOption, match=expected):
+        client.submit("scene:vase", kind)
+    with pytest.raises(InvalidOption, match=expected):
+        client.job("0" * 32, kind)
 
 
 class Breaks(httpx2.SyncByteStream):

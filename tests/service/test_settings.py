@@ -71,8 +71,9 @@ def test_secrets_are_read_from_files(monkeypatch, tmp_path, name):
         settings.read_settings()
 
 
-def test_a_file_has_a_key_on_each_line(monkeypatch, tmp_path):
-    (tmp_path / "keys").write_bytes(b"first\r\nsecond\nthird, fourth\n")
+@pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
+def test_a_file_has_a_key_on_each_line(monkeypatch, tmp_path, mark):
+    (tmp_path / "keys").write_bytes(mark + b"first\r\nsecond\nthird, fourth\n")
     monkeypatch.setenv("CIIR_API_KEYS_FILE", str(tmp_path / "keys"))
     keys = [key.get_secret_value() for key in settings.read_settings().api_keys]
     assert keys == ["first", "second", "third", "fourth"]

@@ -89,10 +89,16 @@ def read_frames(data: bytes, name: str, limits: Limits, *, first: int, count: in
 
 @contextmanager
 def _open(data: bytes, name: str, limits: Limits) -> Iterator[tuple[InputContainer, VideoStream]]:
-    """The file, read as the format of its first bytes and no other, and its first video stream."""
+    """The file, read as the format of its first bytes and no other, and its first video stream.
+
+    Raises `Unreadable` where FFmpeg fails, also in the block.
+    """
     container = next((known for start, known in _CONTAINERS.items() if data.startswith(start)), "mp4")
-    with av.open(io.BytesIO(data), "r", format=container) as file:
-        yield file, _open_stream(file, name, limits)
+    try:
+        with av.open(io.BytesIO(data), "r", format=container) as file:
+            yield file, _open_stream(file, name, limits)
+    except av.FFmpegError as error:
+        raise Unreadable(f"{name}: damaged or cut off (while the video was read); send the whole file") from error
 
 
 def _open_stream(file: InputContainer, name: str, limits: Limits) -> VideoStream:

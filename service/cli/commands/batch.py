@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> None:
     found = inputs.find_inputs(args.inputs, has_arrays=has_arrays, sets=args.sets)
     all_frames = make_layout(options).selects_frame and not hasattr(args, "option_frame")
     tasks = inputs.make_tasks(found, args.name, is_file=is_file, all_frames=all_frames)
-    place = _resolve_outputs(args.out, [each.source for each in found])
+    place = _resolve_outputs(args.out, args.inputs, [each.source for each in found])
     frames = {name: str(Path(path).resolve()) for name in ("white", "dark") if (path := getattr(args, name))}
     request = Request(options, place, uuid.uuid4().hex, **frames)
     outputs, summary = Outputs(place), Summary(tasks)
@@ -115,14 +115,21 @@ def _showing(total: int) -> Iterator[Report]:
         yield show
 
 
-def _resolve_outputs(text: str, sources: list[str]) -> str:
-    """The folder of the outputs. Raises `InvalidOption` where an input is in it, or it in an input."""
+def _resolve_outputs(text: str, inputs: list[str], sources: list[str]) -> str:
+    """The folder of the outputs. Raises `InvalidOption` where an input is in it, or it in an input.
+
+    `inputs`: as given; `sources`: what was found in them.
+    """
     is_url = "://" in text
     place = text.rstrip("/") if is_url else str(output_path.resolve_folder(text, what="the outputs").resolve())
     folder = PurePosixPath(place)
+    for source in (*inputs, *sources):
+        if folder.is_relative_to(PurePosixPath(source if "://" in source else Path(source).resolve())):
+            raise InvalidOption(
+                f"{text}: in the input {source}, as a part of which it would be read; give another folder"
+            )
     for source in sources:
-        path = PurePosixPath(source)
-        if path.is_relative_to(folder) or folder.is_relative_to(path):
+        if PurePosixPath(source).is_relative_to(folder):
             raise InvalidOption(f"{text}: the input {source} is there; give another folder, so that nothing is lost")
     return place
 

@@ -67,12 +67,14 @@ class ValueType:
 
 def read_pair(name: str, text: str) -> tuple[int, int]:
     """`5x7` as (5, 7), for the option `name`. Raises `InvalidOption`."""
-    match = re.fullmatch(r"\s*(\d{1,6})\s*[xX]\s*(\d{1,6})\s*", text)
+    match = re.fullmatch(r"\s*(\d{1,20})\s*[xX]\s*(\d{1,20})\s*", text)
     if match is None:
         raise InvalidOption(f"{name}: {text[:40]!r} is not understood; give rows x columns, such as 100x100")
     counts = int(match[1]), int(match[2])
-    if 0 in counts:
-        raise InvalidOption(f"{name}: {counts[0]}x{counts[1]} is out of range; give at least 1x1")
+    if not all(1 <= count <= _MOST for count in counts):
+        raise InvalidOption(
+            f"{name}: {counts[0]}x{counts[1]} is out of range; give at least 1x1 and at most {_MOST:,} of each"
+        )
     return counts
 
 
@@ -88,7 +90,7 @@ def _read_label(name: str, text: str) -> str:
 
 def _read_integer(name: str, text: str) -> int:
     digits = text.strip()  # `int` alone takes less for white space than this and a pattern's \s do
-    if re.fullmatch(r"-?\d{1,6}", digits) is None:
+    if re.fullmatch(r"-?\d{1,20}", digits) is None:
         raise InvalidOption(f"{name}: {text[:40]!r} is not a whole number; give one such as 2")
     return int(digits)
 

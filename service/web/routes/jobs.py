@@ -52,7 +52,8 @@ async def find_job(
     if re.fullmatch(r"[0-9a-f]{32}", id_):
         found = await to_thread.run_sync(state.engine.jobs.get, id_)
     if found is None or found.request.kind != kind.name:
-        raise HTTPException(404, f"there is no {kind.name} {id_[:40]!r}, or it has been removed; post its file again")
+        gone = "or it was removed or has expired; post its file again"
+        raise HTTPException(404, f"there is no {kind.name} {id_[:40]!r}, {gone}")
     return found
 
 
@@ -65,6 +66,7 @@ async def create_job(request: Request, kind: FoundKind, state: State) -> Respons
     state.engine.check_accepting()
     upload.check_query(request.query_params)
     upload.check_content_type(request.headers.get("content-type"))
+    upload.check_encoding(request.headers.get("content-encoding"))
     form = await multipart.read_form(request)
     try:
         given = upload.parse_form(form.multi_items(), kind)

@@ -56,6 +56,13 @@ def check_content_type(content_type: str | None) -> None:
         raise UnsupportedType(f"{given}; send multipart/form-data with the part {FILE!r}")
 
 
+def check_encoding(encoding: str | None) -> None:
+    """Raises `UnsupportedType` for a body that is declared as compressed."""
+    given = (encoding or "identity").strip().lower()
+    if given != "identity":
+        raise UnsupportedType(f"the body is compressed (Content-Encoding: {given[:60]!r}); send it as it is")
+
+
 def check_query(names: Iterable[str]) -> None:
     """Raises `InvalidOption` where the URL has a query, whose parameters are called `names`."""
     if found := sorted(set(names)):

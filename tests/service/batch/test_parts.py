@@ -123,6 +123,16 @@ def test_a_video_is_of_one_view(film, tmp_path):
     assert "9 are asked for" in last.error
 
 
+@pytest.mark.parametrize("frame", ["", "4"])
+def test_a_video_that_is_cut_off(film, tmp_path, frame):
+    """Also where the frames are listed, before any is read."""
+    (tmp_path / "short.mkv").write_bytes(film.read_bytes()[:100])
+    options = Options(lenses=(16, 16), frame=int(frame or 0))
+    _, last = run(Task(str(tmp_path / "short.mkv"), "film", is_video=not frame), Request(options, str(tmp_path)))
+    assert last.status == "failed"
+    assert last.error.endswith("short.mkv: damaged or cut off (while the video was read); send the whole file")
+
+
 def test_a_part_that_fails_fails_the_whole(film, tmp_path, monkeypatch):
     monkeypatch.setattr(parts, "MOST_FRAMES", 3)
     data = film.read_bytes()

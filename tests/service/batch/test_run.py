@@ -92,6 +92,19 @@ def test_an_earlier_output_leaves_no_empty_folder(folder, tmp_path, others):
     assert (tmp_path / "out" / "vase").exists() is bool(others)
 
 
+@pytest.mark.parametrize("given", [".", "in", "../in/"])
+def test_outputs_in_an_input_are_refused_before_they_are_inputs(tmp_path, monkeypatch, capsys, given):
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "cube.off").write_bytes(CUBE)
+    monkeypatch.chdir(tmp_path / "in" if given.startswith(".") else tmp_path)
+    out = str(tmp_path / "in" / "out")
+    assert main(["batch", given, "-o", out, "--workers", "1", *ARRAY]) == 2
+    assert f"{out}: in the input {given}, as a part of which it would be read; give another folder" in (
+        capsys.readouterr().err
+    )
+    assert not (tmp_path / "in" / "out").exists()
+
+
 def test_results_are_those_of_reconstruct(folder, tmp_path):
     for name in ("arrays/globe.png", "cube.off"):
         assert main(["reconstruct", str(folder / "in" / name), "-o", str(tmp_path / name[:4]), *ARRAY]) == 0

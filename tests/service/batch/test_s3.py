@@ -55,9 +55,28 @@ def test_parts_of_a_large_light_field_are_joined_and_removed(objects, monkeypatc
     assert not [key for key in objects if "/parts/" in key]
 
 
+@pytest.mark.parametrize("place", ["input", "outputs"])
+def test_a_store_that_is_not_reached(objects, monkeypatch, tmp_path, capsys, place):
+    (tmp_path / "cube.off").write_bytes(CUBE)
+    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")
+    monkeypatch.setenv("AWS_SHARED_CREDENTIALS_FILE", str(tmp_path / "none"))
+    s3fs.S3FileSystem.clear_instance_cache()
+    places = (
+        ("s3://captures", str(tmp_path / "out")) if place == "input" else (str(tmp_path / "cube.off"), "s3://results")
+    )
+    assert main(["batch", places[0], "-o", places[1], *OPTIONS]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    url = next(each for each in places if "://" in each)
+    assert line.startswith(f"ciir: {url}: can't be reached (Unable to locate credentials); check the address")
+
+
 def test_outputs_among_the_inputs_are_refused(objects, capsys):
     objects["captures/out/first.png"] = encode_png(ARRAY)
     assert main(["batch", "s3://captures", "-o", "s3://captures/out", *OPTIONS]) != 0
+    assert "s3://captures/out: in the input s3://captures" in capsys.readouterr().err
+    assert main(["batch", "s3://captures/*/*.png", "-o", "s3://captures/out", *OPTIONS]) != 0
     assert "s3://captures/out: the input s3://captures/out/first.png is there" in capsys.readouterr().err
 
 

@@ -4,6 +4,7 @@ import logging
 import shutil
 
 import pytest
+from fsspec.implementations.memory import MemoryFileSystem
 
 from ciir.errors import InvalidOption, QueueUnavailable
 from ciir.service.jobs import files as module
@@ -158,6 +159,20 @@ def test_an_error_of_an_object_stores_client_is_reported(tmp_path, monkeypatch, 
     with caplog.at_level(logging.WARNING), pytest.raises(QueueUnavailable, match="store doesn't answer"):
         files.put(INPUTS, {"a": io.BytesIO(DATA)})
     assert "could not connect" in caplog.text
+
+
+def test_a_store_whose_client_has_errors_of_its_own(tmp_path, monkeypatch):
+    """As botocore's where there are no credentials."""
+
+    class NoCredentialsError(Exception):
+        pass
+
+    def fail(*_, **__):
+        raise NoCredentialsError("Unable to locate credentials")
+
+    monkeypatch.setattr(MemoryFileSystem, "makedirs", fail)
+    with pytest.raises(InvalidOption, match=r"^memory://a: .*\(Unable to locate credentials\); name another place"):
+        Files("memory://a", tmp_path / "scratch")
 
 
 @pytest.mark.parametrize("place", ["nosuchscheme://bucket/path", "{tmp}/file/below"])

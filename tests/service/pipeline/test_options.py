@@ -87,6 +87,16 @@ def test_an_error_names_the_option_in_one_line(name, text):
     assert ";" in str(caught.value)  # what is wrong; the remedy
 
 
+@pytest.mark.parametrize(
+    ("name", "text", "most"),
+    [("lenses", "1000000x5", "999,999"), ("frame", "1000000", "999999"), ("scale", "1234567", "8")],
+)
+def test_a_number_that_is_too_large_is_out_of_range(name, text, most):
+    """It is a number, and the limit is named."""
+    with pytest.raises(InvalidOption, match=f"^{name}: {text} is out of range; give .* {most}"):
+        Options.parse({name: text})
+
+
 def test_an_error_repeats_only_so_much_of_what_was_given():
     long = "\x81" * 60_000
     for texts in (

@@ -89,7 +89,7 @@ def test_only_listed_origins_are_allowed(client, tmp_path):
         allowed = other.options(POST, headers=preflight)
         assert allowed.headers["access-control-allow-origin"] == "https://example.org"
         exposed = other.get("/healthz", headers=preflight).headers["access-control-expose-headers"]
-        assert {"ETag", "Location", "Retry-After"} <= set(exposed.split(", "))
+        assert {"Content-Disposition", "ETag", "Location", "Retry-After"} <= set(exposed.split(", "))
         refused = other.options(POST, headers=preflight | {"Origin": "https://example.net"})
         assert "access-control-allow-origin" not in refused.headers
         assert (refused.status_code, refused.headers["content-type"]) == (400, "application/problem+json")

@@ -144,7 +144,7 @@ def test_a_video_that_is_cut_short():
     from ciir.renderer.readers.bundle import Bundle
 
     data = make(codec="libx264", container="mp4", pixel_format="yuv420p")
-    with pytest.raises(Unreadable, match=r"^a\.mp4: damaged or cut off \(while the views of the MP4 file"):
+    with pytest.raises(Unreadable, match=r"^a\.mp4: damaged or cut off \(while the video was read\); send"):
         inputs.read(Bundle.from_upload("a.mp4", data[: len(data) // 2]))
 
 

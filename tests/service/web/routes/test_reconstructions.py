@@ -3,6 +3,7 @@
 import io
 import json
 import threading
+import time
 import zipfile
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from ciir.renderer.readers.pictures import decode
 from ciir.service.web.routes import results
 from tests.support.inputs import EIA
+from tests.support.jobs import set_clock
 from tests.support.waiting import wait_until
 from tests.support.web import POST, check_problem, post_file, run_app
 
@@ -241,7 +243,15 @@ def test_a_job_goes_on_without_its_client(own, eia):
     assert own.pool.runs == 1
 
 
-def test_an_expired_result(own, eia):
+def test_an_expired_job(own, eia, monkeypatch):
+    place = post_file(own, data=eia, lenses="6x9", model="none").headers["content-location"]
+    set_clock(monkeypatch, time.time() + 86_401)
+    own.engine.jobs.sweep()
+    for path in ("", "/result", "/events"):
+        check_problem(own.get(place.removesuffix("/result") + path), 404, "has expired; post its file again")
+
+
+def test_a_missing_result(own, eia):
     fields = {"data": eia, "lenses": "6x9", "model": "none"}
     place = post_file(own, **fields).headers["content-location"]
     job = own.engine.jobs.get(place.split("/")[-2])

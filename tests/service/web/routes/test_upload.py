@@ -158,3 +158,10 @@ def test_bad_forms(client, eia):
     problem(client.post(POST, data={"lenses": "6x9"}), 415, "multipart/form-data")
     problem(client.post(POST, content=eia), 415, "the body has no type;")
     problem(client.post(POST, json={"file": "x"}), 415, "application/json")
+    files = {"file": ("a.png", eia)}
+    for encoding, status in (("gzip", 415), ("br, gzip", 415), ("identity", 200), ("", 200)):
+        headers = {"Content-Encoding": encoding}
+        response = client.post(POST, headers=headers, files=files, data={"lenses": "6x9", "model": "none"})
+        assert response.status_code == status
+        if status == 415:
+            problem(response, 415, f"the body is compressed (Content-Encoding: '{encoding}'); send it as it is")
