@@ -47,7 +47,7 @@ def test_negative_indices_count_back_from_where_they_stand() -> None:
 
 
 def test_a_texture_whose_name_has_spaces() -> None:
-    library = b"newmtl  glazed\t\nKd 1 1 1\nmap_Kd -clamp on -s 2 2 2 my texture 2.png\n"
+    library = b"newmtl  glazed\t\nKd 1 1 1\nmap_Kd -clamp on -s 1 1 1 -o 0 my texture 2.png\n"
     text = b"mtllib my materials.mtl\n" + SQUARE + UV + b"usemtl glazed\nf 1/1 2/2 3/3 4/4\n"
     scene = read(text, {"my materials.mtl": library, "my texture 2.png": PICTURE})
     (part,) = scene.parts
@@ -55,6 +55,13 @@ def test_a_texture_whose_name_has_spaces() -> None:
     assert np.array_equal(part.texture.pixels[:, :, :3], np.arange(16).reshape(2, 2, 4)[:, :, :3])
     assert part.uv.tolist() == [[0, 0], [1, 0], [1, 1], [0, 1]]
     assert scene.notes == ()
+
+
+@pytest.mark.parametrize("options", [b"-s 2 2 2", b"-o 0.25 0 0", b"-s 1 1 -o 0 -.5"])
+def test_a_texture_that_is_scaled_or_moved_has_a_note(options: bytes) -> None:
+    scene = read(TEXTURED, {"a.mtl": b"newmtl a\nKd 1 1 1\nmap_Kd " + options + b" x.png", "x.png": PICTURE})
+    assert scene.parts[0].texture is not None
+    assert scene.notes == ("a texture's scale or offset (-s, -o) is left out: change the texture coordinates instead",)
 
 
 def test_the_folders_of_another_machine_are_looked_through_by_name() -> None:
