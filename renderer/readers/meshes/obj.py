@@ -14,7 +14,7 @@ import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.readers.meshes import mtl
-from ciir.renderer.readers.meshes.geometry import parse_numbers, triangulate_fans
+from ciir.renderer.readers.meshes.geometry import note_hollow_polygons, parse_numbers, triangulate_fans
 from ciir.renderer.readers.meshes.text_lines import (
     Rows,
     count_in_rows,
@@ -85,6 +85,7 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
         corners, face_lines = _triangles(lines, name, limits.triangles)
     except Unreadable as error:
         raise Unreadable(f"{name}: {error}; export it again") from error
+    note_hollow_polygons(positions[:, :3], corners[:, :, 0], face_lines, resolver.add_note)
     for word, what in _LEFT_OUT.items():
         if len(lines.rows[word]):
             resolver.add_note(f"{what} are left out: only polygons are drawn")

@@ -40,6 +40,11 @@ def test_faces_in_every_spelling(faces: bytes) -> None:
     assert part.colors[:, :3] == pytest.approx(DEFAULT_COLOR[0] * FRONT)
 
 
+def test_a_polygon_that_is_not_convex_is_noted() -> None:
+    scene = read(b"v 0 0 0\nv 4 0 0\nv 4 4 0\nv 2 1 0\nv 0 4 0\nf 1 2 3\nf 1 2 3 4 5\n")
+    assert [note[:28] for note in scene.notes] == ["1 polygons are not convex an"]
+
+
 def test_negative_indices_count_back_from_where_they_stand() -> None:
     text = SQUARE + b"f -4 -3 -2\n" + b"v 0 0 5\nv 1 0 5\nv 1 1 5\nf -3 -2 -1\n"
     (part,) = read(text).parts
