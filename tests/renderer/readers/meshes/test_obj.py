@@ -90,6 +90,14 @@ def test_a_library_that_is_named_often_is_read_once(monkeypatch: pytest.MonkeyPa
     assert part.colors[0, :3] == pytest.approx([FRONT, 0, 0])
 
 
+def test_vertex_colours_in_levels_are_noted() -> None:
+    text = b"v 0 0 0 255 51 0\nv 1 0 0 255 51 0\nv 0 1 0 255 51 0\nf 1 2 3\n"
+    scene = read(text)
+    assert scene.parts[0].colors[0] == pytest.approx([FRONT, 0.2 * FRONT, 0, 1])
+    assert scene.notes == ("vertex colours above 1 are taken as levels from 0 to 255",)
+    assert read(text.replace(b"255 51", b"1.1 0.2")).notes == ()
+
+
 def test_vertex_colours_beside_positions() -> None:
     text = b"v 0 0 0 1 0 0.5\nv 1 0 0 1 0 0.5\nv 1 1 0 1 0 0.5\nf 1 2 3\n"
     (part,) = read(text).parts
