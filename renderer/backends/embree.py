@@ -41,6 +41,8 @@ EXTENT = 100.0
 """Half the scene's longest side in Embree's coordinates: its float32 tests lose digits on tiny triangles."""
 STEP = 4e-6 * EXTENT
 """How far behind a cut-out or see-through point a ray continues: about 50 spacings of float32 at `EXTENT`."""
+ROUNDING = 1e-6
+"""By how much an alpha in float32 may fall below that of all corners of its triangle, where they have the same."""
 PASSED = (
     f"raytrace: some rays pass over {MAX_LAYERS} cut-out or see-through surfaces, and end there; what lies behind is "
     "not drawn"
@@ -75,9 +77,9 @@ class PreparedScene:
             [np.zeros((len(part.vertices), 2), np.float32) if part.uv is None else part.uv for part in parts]
         )  # (n, 2)
         self.part = np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts])  # (m,)
-        self.cutoff = np.array([part.alpha_cutoff or 0.0 for part in parts])  # (parts,)
+        self.cutoff = np.array([part.alpha_cutoff or 0.0 for part in parts]) - ROUNDING  # (parts,)
         self.is_see_through = np.array([part.is_see_through for part in parts])  # (parts,)
-        self._lets_through = bool(self.is_see_through.any() or self.cutoff.any())
+        self._lets_through = bool(self.is_see_through.any() or (self.cutoff > 0).any())
         self._embree = EmbreeScene()
         self._mesh = TriangleMesh(self._embree, self._to_embree(vertices), self.faces)
         # The first run commits the scene, which must not happen in several threads at once.
@@ -156,7 +158,7 @@ class PreparedScene:
             ray = active[hit]
             rgba[ray] += (through[ray] * alpha)[:, None] * color
             through[ray] *= 1 - alpha
-            is_first = (alpha >= SOLID) & (reached[ray] == np.inf)
+            is_first = (alpha >= SOLID - ROUNDING) & (reached[ray] == np.inf)
             reached[ray[is_first]] = (passed[hit] + distance[hit])[is_first]
             onward = hit[through[ray] > HIDDEN]
             if not len(onward):

@@ -247,6 +247,8 @@ def _make_pose(options: Options) -> MeshPose:
         raise InvalidOption(f"animation: {options.animation!r} is shown at a time; give time, too, such as 0")
     if options.camera is not None and options.up != Options.up:
         raise InvalidOption("up, camera: a camera has an up of its own; leave one of them out")
+    if options.camera is not None and options.fit == "none":
+        raise InvalidOption("fit, camera: what a camera sees is fitted into the centre view; leave one of them out")
     return MeshPose(times[0], options.camera, options.animation)
 
 

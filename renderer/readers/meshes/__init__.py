@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable
+from ciir.errors import InputError, InvalidGeometry, InvalidOption, TooLarge, Unreadable
 from ciir.renderer.placement import AS_GIVEN
 from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose, see_through
 from ciir.renderer.readers.meshes.texture_files import Resolver
@@ -73,5 +73,9 @@ def read(
             light=placement.light_direction(),
         )
         return scene if lens is None else see_through(scene, lens, name)
+    except InvalidGeometry as error:
+        if pose.time is None:
+            raise
+        raise InvalidGeometry(f"{error}, or give another time than {pose.time:g}") from error
     except MemoryError as error:
         raise TooLarge(f"{name}: lighting it takes more memory than there is; decimate the mesh") from error

@@ -16,6 +16,8 @@ CONTINUED = re.compile(rb"\\\r?\n")
 """A line break within a line."""
 _OPTIONS = {b"-blendu": 1, b"-blendv": 1, b"-boost": 1, b"-mm": 2, b"-o": 3, b"-s": 3, b"-t": 3, b"-texres": 1,
             b"-clamp": 1, b"-bm": 1, b"-imfchan": 1, b"-type": 1, b"-cc": 1}  # fmt: skip
+_UNMOVED = {b"-o": 0.0, b"-s": 1.0}
+"""Options that move or scale a texture, and the value that changes nothing."""
 _CUTOFF = 0.5
 
 
@@ -45,7 +47,11 @@ def read_material(entry: dict[bytes, bytes], resolver: Resolver) -> Material:
     """Reads a material from its lines; `resolver` gets a note of what is left out."""
     texture, cutoff = None, None
     if b"map_kd" in entry:
-        file_name, wrap = _map(entry[b"map_kd"])
+        file_name, wrap, moved = _map(entry[b"map_kd"])
+        if moved:
+            resolver.add_note(
+                "a texture's scale or offset (-s, -o) is left out: change the texture coordinates instead"
+            )
         masked = b"map_d" in entry and _map(entry[b"map_d"])[0] == file_name
         texture = resolver.load_texture(file_name, opaque=not masked, wrap_u=wrap, wrap_v=wrap)
         cutoff = _CUTOFF if masked and texture is not None else None
@@ -72,9 +78,10 @@ def _read_alpha(entry: dict[bytes, bytes]) -> float:
     return 1.0
 
 
-def _map(line: bytes) -> tuple[str, Wrap]:
-    """The file name after a map's options, which may hold spaces, and how the texture wraps."""
+def _map(line: bytes) -> tuple[str, Wrap, bool]:
+    """The file name after a map's options, which may hold spaces; how the texture wraps; whether it is moved."""
     wrap: Wrap = "repeat"
+    moved = False
     words, start = line.split(b" "), 0
     while start < len(words) and (option := words[start].lower()) in _OPTIONS:
         if option == b"-clamp" and words[start + 1 : start + 2] == [b"on"]:
@@ -82,12 +89,14 @@ def _map(line: bytes) -> tuple[str, Wrap]:
         values, end = _OPTIONS[option], start + 1
         while end <= start + values and end < len(words) - 1 and (values == 1 or _is_number(words[end])):
             end += 1
+        if option in _UNMOVED:
+            moved = moved or any(float(word) != _UNMOVED[option] for word in words[start + 1 : end])
         start = end
-    return decode_name(b" ".join(words[start:]).strip()), wrap
+    return decode_name(b" ".join(words[start:]).strip()), wrap, moved
 
 
 def _is_number(word: bytes) -> bool:
-    return re.fullmatch(rb"[-+]?[\d.]+(?:[eE][-+]?\d+)?", word) is not None
+    return re.fullmatch(rb"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", word) is not None
 
 
 def decode_name(name: bytes) -> str:

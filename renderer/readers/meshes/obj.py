@@ -14,7 +14,7 @@ import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.readers.meshes import mtl
-from ciir.renderer.readers.meshes.geometry import parse_numbers, triangulate_fans
+from ciir.renderer.readers.meshes.geometry import note_hollow_polygons, parse_numbers, triangulate_fans
 from ciir.renderer.readers.meshes.text_lines import (
     Rows,
     count_in_rows,
@@ -35,6 +35,8 @@ _NUMBERS = (b"v", b"vt", b"vn", b"f")
 _NAMES = (b"usemtl", b"mtllib")
 _LEFT_OUT = {b"l": "lines", b"p": "points", b"curv": "curves", b"surf": "free-form surfaces"}
 _COMMENT = re.compile(rb"(?m)^([ \t\r\v\f]*(?:v|vt|vn|f)[ \t\r\v\f][^#\n]*)#[^\n]*")
+BRIGHTEST = 2.0
+"""Largest vertex colour where 1 is white: scanners overshoot it, and levels of 8 bits go far beyond."""
 MAX_LIBRARIES = 100
 """Most MTL files that an OBJ may name."""
 MAX_MATERIALS = 65_536
@@ -85,6 +87,10 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
         corners, face_lines = _triangles(lines, name, limits.triangles)
     except Unreadable as error:
         raise Unreadable(f"{name}: {error}; export it again") from error
+    if positions.shape[1] >= 6 and positions[:, 3:6].max() > BRIGHTEST:
+        positions[:, 3:6] /= 255
+        resolver.add_note("vertex colours above 1 are taken as levels from 0 to 255")
+    note_hollow_polygons(positions[:, :3], corners[:, :, 0], face_lines, resolver.add_note)
     for word, what in _LEFT_OUT.items():
         if len(lines.rows[word]):
             resolver.add_note(f"{what} are left out: only polygons are drawn")

@@ -15,7 +15,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
-from ciir.renderer.readers.meshes.geometry import add_alpha, normalise, split_corners, triangulate_fans
+from ciir.renderer.readers.meshes.geometry import (
+    add_alpha,
+    normalise,
+    note_hollow_polygons,
+    split_corners,
+    triangulate_fans,
+)
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.surface import DEFAULT_COLOR, WHITE, Surface, check_size
 
@@ -63,6 +69,7 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
         color=DEFAULT_COLOR,
         lit=UNLIT.encode() not in header,
     )
+    note_hollow_polygons(surface.vertices, surface.faces, face_of, resolver.add_note)
     texture = None if picture is None else resolver.load_texture(picture, opaque=True)
     colored = _add_colors(surface, vertex, face, face_of, texture)
     if texture is not None and colored.uv is None:

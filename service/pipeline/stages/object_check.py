@@ -44,7 +44,9 @@ class ObjectCheck:
     def list_notes(self) -> list[str]:
         """A note where no picture showed the object, or it hardly stands out."""
         if not self._covered:
-            return ["no view that was asked for shows the object; ask for other views or another delta"]
+            cause = "it is smaller than a pixel, edge-on, or beside them"
+            remedy = "give another rotate, zoom or delta, more lenses, or other views"
+            return [f"no view that was asked for shows the object: {cause}; {remedy}"]
         if self._outstanding > LEAST_SHARE * self._covered:
             return []
         given = "{:02x}{:02x}{:02x}".format(*self._background)

@@ -105,6 +105,18 @@ def test_a_ray_passes_cut_out_layers(gap):
     np.testing.assert_allclose(depth, 20 + gap * 8, rtol=1e-6)
 
 
+@pytest.mark.parametrize("cutoff", [None, 0.6])
+def test_an_alpha_that_is_just_enough_is_enough_everywhere(cutoff):
+    square = np.array([[-9, -9, -20], [9, -9, -20], [9, 9, -20], [-9, 9, -20]], float)
+    color = np.tile(np.float32([1, 0, 0, cutoff or 0.5]), (4, 1))
+    part = Part(square, np.array([[0, 1, 2], [0, 2, 3]], np.int32), color, None, None, cutoff, cutoff is None)
+    array = LensArray(64, 64, 1, 1, pitch=0.1)
+    (depth,) = RaytraceBackend().render_depth(Scene((part,)), array, [(0, 0)])
+    np.testing.assert_allclose(depth, 20, rtol=1e-6)
+    (view,) = RaytraceBackend().render_views(Scene((part,)), array, [(0, 0)])
+    assert view.std(axis=(0, 1)).max() < 0.5
+
+
 def stack_sheets(count, alpha, gap=0.01, z=0.3):
     """White sheets that hide a share `alpha` each, the first at `z`, before a green one."""
     square = np.array([[-9, -9, z], [9, -9, z], [9, 9, z], [-9, 9, z]], float)

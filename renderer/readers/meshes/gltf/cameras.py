@@ -50,10 +50,13 @@ def find_camera(
     extents = lens.base[1] + lens.slope[1], lens.base[0] + lens.slope[0]
     if not (_LEAST <= extents[0] <= MAX_COORDINATE and (extents[1] == 0 or _LEAST <= extents[1] <= MAX_COORDINATE)):
         raise Unreadable(f"{document.name}: camera {number} has no field of view; export it again")
-    document.resolver.add_note(
-        f"camera {number}: its picture fits into the centre view at the subject's distance; what is nearer looks "
-        "smaller than to the camera and what is farther larger, as rays of a view are parallel"
-    )
+    note = f"camera {number}: its picture fits into the centre view"
+    if lens.slope[1] > 0:  # rays of an orthographic camera are parallel, too
+        note += (
+            " at the subject's distance; what is nearer looks smaller than to the camera and what is farther larger, "
+            "as rays of a view are parallel"
+        )
+    document.resolver.add_note(note)
     return view, lens
 
 

@@ -39,6 +39,8 @@ class Material:
         channel = self._transform.get("texCoord", (self._texture or {}).get("texCoord", 0))
         self.texcoord = "" if self._texture is None else f"TEXCOORD_{channel}"
         """The attribute that holds the texture's coordinates; empty without a texture."""
+        if any(value > 0 for value in entry.get("emissiveFactor", ())) and "KHR_materials_unlit" not in self.extensions:
+            document.resolver.add_note("light that a material emits is left out: its base colour is drawn")
         mode, self.alpha_cutoff = entry.get("alphaMode", "OPAQUE"), None
         if mode == "MASK":
             self.alpha_cutoff = min(max(float(entry.get("alphaCutoff", 0.5)), 0.0), 1.0)

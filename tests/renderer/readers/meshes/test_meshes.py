@@ -223,6 +223,11 @@ def test_a_camera_has_an_up_of_its_own() -> None:
         Input("vase").read(Options(up="z", camera="0"))
 
 
+def test_a_cameras_picture_is_always_fitted() -> None:
+    with pytest.raises(InvalidOption, match="fit, camera: what a camera sees is fitted into the centre view; leave"):
+        Input("vase").read(Options(fit="none", camera="0"))
+
+
 @pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
 def test_the_wheels_of_a_real_truck_turn_and_a_real_camera_looks_down() -> None:
     truck = (MESHES / "milk-truck.glb").read_bytes()

@@ -40,6 +40,11 @@ def test_faces_in_every_spelling(faces: bytes) -> None:
     assert part.colors[:, :3] == pytest.approx(DEFAULT_COLOR[0] * FRONT)
 
 
+def test_a_polygon_that_is_not_convex_is_noted() -> None:
+    scene = read(b"v 0 0 0\nv 4 0 0\nv 4 4 0\nv 2 1 0\nv 0 4 0\nf 1 2 3\nf 1 2 3 4 5\n")
+    assert [note[:28] for note in scene.notes] == ["1 polygons are not convex an"]
+
+
 def test_negative_indices_count_back_from_where_they_stand() -> None:
     text = SQUARE + b"f -4 -3 -2\n" + b"v 0 0 5\nv 1 0 5\nv 1 1 5\nf -3 -2 -1\n"
     (part,) = read(text).parts
@@ -47,7 +52,7 @@ def test_negative_indices_count_back_from_where_they_stand() -> None:
 
 
 def test_a_texture_whose_name_has_spaces() -> None:
-    library = b"newmtl  glazed\t\nKd 1 1 1\nmap_Kd -clamp on -s 2 2 2 my texture 2.png\n"
+    library = b"newmtl  glazed\t\nKd 1 1 1\nmap_Kd -clamp on -s 1 1 1 -o 0 my texture 2.png\n"
     text = b"mtllib my materials.mtl\n" + SQUARE + UV + b"usemtl glazed\nf 1/1 2/2 3/3 4/4\n"
     scene = read(text, {"my materials.mtl": library, "my texture 2.png": PICTURE})
     (part,) = scene.parts
@@ -55,6 +60,13 @@ def test_a_texture_whose_name_has_spaces() -> None:
     assert np.array_equal(part.texture.pixels[:, :, :3], np.arange(16).reshape(2, 2, 4)[:, :, :3])
     assert part.uv.tolist() == [[0, 0], [1, 0], [1, 1], [0, 1]]
     assert scene.notes == ()
+
+
+@pytest.mark.parametrize("options", [b"-s 2 2 2", b"-o 0.25 0 0", b"-s 1 1 -o 0 -.5"])
+def test_a_texture_that_is_scaled_or_moved_has_a_note(options: bytes) -> None:
+    scene = read(TEXTURED, {"a.mtl": b"newmtl a\nKd 1 1 1\nmap_Kd " + options + b" x.png", "x.png": PICTURE})
+    assert scene.parts[0].texture is not None
+    assert scene.notes == ("a texture's scale or offset (-s, -o) is left out: change the texture coordinates instead",)
 
 
 def test_the_folders_of_another_machine_are_looked_through_by_name() -> None:
@@ -76,6 +88,14 @@ def test_a_library_that_is_named_often_is_read_once(monkeypatch: pytest.MonkeyPa
     assert part.colors[0, :3] == pytest.approx([0, 0, FRONT])  # the last of one name counts
     (part,) = read(names + b"mtllib a.mtl\n" + SQUARE + b"usemtl m\nf 1 2 3\n", files).parts
     assert part.colors[0, :3] == pytest.approx([FRONT, 0, 0])
+
+
+def test_vertex_colours_in_levels_are_noted() -> None:
+    text = b"v 0 0 0 255 51 0\nv 1 0 0 255 51 0\nv 0 1 0 255 51 0\nf 1 2 3\n"
+    scene = read(text)
+    assert scene.parts[0].colors[0] == pytest.approx([FRONT, 0.2 * FRONT, 0, 1])
+    assert scene.notes == ("vertex colours above 1 are taken as levels from 0 to 255",)
+    assert read(text.replace(b"255 51", b"1.1 0.2")).notes == ()
 
 
 def test_vertex_colours_beside_positions() -> None:

@@ -34,6 +34,11 @@ def ascii_square(
 PLAIN_ROWS = ["0 0 0", "1 0 0", "1 1 0", "0 1 0"]
 
 
+def test_a_polygon_that_is_not_convex_is_noted() -> None:
+    scene = read(ascii_square(XYZ, ["0 0 0", "4 0 0", "1 1 0", "0 4 0"], faces="4 1 2 3 0\n"))
+    assert [note[:28] for note in scene.notes] == ["1 polygons are not convex an"]
+
+
 @pytest.mark.parametrize("order", ["<", ">"])
 @pytest.mark.parametrize("polygons", [[[0, 1, 2, 3]], [[0, 1, 2], [0, 2, 3]], [[0, 1, 2], [0, 1, 2, 3]]])
 def test_binary_of_either_order_with_polygons_of_any_lengths(order: str, polygons: list[list[int]]) -> None:

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ciir.errors import InvalidOption, Unreadable
+from ciir.errors import InvalidGeometry, InvalidOption, Unreadable
 from ciir.renderer.readers.meshes.gltf.animations import slerp
 from ciir.renderer.readers.meshes.pose import MeshPose
 from tests.support.meshes.gltf import SQUARE, Model
@@ -35,6 +35,14 @@ def test_a_translation_between_keyframes(mode: str, time: float, expected: list[
     model = Model()
     model.animate(0, "translation", [1, 2, 4], STEPS, mode)
     assert shift(model, time) == pytest.approx(expected)
+
+
+def test_where_an_animation_leaves_nothing_the_time_is_named() -> None:
+    model = Model()
+    model.animate(0, "scale", [0, 1], np.array([[1, 1, 1], [0, 0, 0]], np.float32), "LINEAR")
+    assert model.read(MeshPose(0.5)).triangles == 2
+    with pytest.raises(InvalidGeometry, match=r"give a mesh with a surface, or give another time than 1\Z"):
+        model.read(MeshPose(1.0))
 
 
 @given(st.floats(0.0, 1.0), st.floats(-3, 3), st.floats(-3, 3))

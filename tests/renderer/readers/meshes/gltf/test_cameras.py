@@ -44,6 +44,10 @@ def test_seen_from_the_left_by_number_and_by_either_name(camera: str) -> None:
     assert part.vertices == pytest.approx(np.stack([0 * x, y, -1 - x], axis=1), abs=1e-6)
 
 
+def test_an_orthographic_cameras_picture_is_noted_as_it_is_at_all_distances() -> None:
+    assert filmed_model().read(MeshPose(camera="Left")).notes[0] == "camera 1: its picture fits into the centre view"
+
+
 def test_a_field_of_view_of_half_a_turn_or_more_is_refused() -> None:
     model = filmed_model()
     model.json["cameras"][0]["perspective"]["yfov"] = 7.0

@@ -71,6 +71,16 @@ def test_materials_of_extensions(name: str, values: dict[str, object], expected:
     assert model.read().parts[0].colors[0] == pytest.approx(expected)
 
 
+def test_light_that_a_material_emits_is_noted() -> None:
+    model = Model()
+    model.material["emissiveFactor"] = [0, 0, 0]
+    assert model.read().notes == ()
+    model.material["emissiveFactor"] = [0, 1, 0]
+    assert model.read().notes == ("light that a material emits is left out: its base colour is drawn",)
+    model.material["extensions"] = {"KHR_materials_unlit": {}}  # whose colour is the base colour alone
+    assert model.read().notes == ()
+
+
 def test_mask_keeps_alpha_and_its_cutoff() -> None:
     model = Model(TEXCOORD_0=UV).texture()
     model.material |= {"alphaMode": "MASK", "alphaCutoff": 0.25}
