@@ -29,11 +29,11 @@ MOST = 3
 
 def choose_stride(motion: float | None, grid: tuple[int, int]) -> int:
     """Every how many-th view of a grid of `grid` views best helps where content moves by `motion` pixels from one view
-    to the next; 1 where that isn't known. A window always fits.
+    to the next; 1 where that isn't known. Every view has a whole window.
     """
     if motion is None:
         return 1
-    most = min(MOST, (min(grid) - 1) // (WINDOW_SIDE - 1))
+    most = max(1, min(MOST, min(grid) // WINDOW_SIDE))
     return max(1, most if motion * most <= MOVED else int(MOVED / motion))
 
 

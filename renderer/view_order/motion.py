@@ -24,7 +24,8 @@ LEAST_TILES, LEAST_CORRELATION = 8, 0.7
 
 def measure_motion(views: Views) -> float | None:
     """Pixels by which nine tenths of the textured tiles of `views`, `(V, U, H, W, C)` in order, move at most from one
-    view to the next, to either side. None where too few are found again, and in grids of less than 9x9 views.
+    view to the next, to either side; a tile that is not found again counts as one that moves too far. None where too
+    few are found, and in grids of less than 9x9 views.
 
     Looks at the centre view and eight around it.
     """
@@ -43,4 +44,4 @@ def measure_motion(views: Views) -> float | None:
     is_found = correlation >= LEAST_CORRELATION
     if np.count_nonzero(is_found) < LEAST_TILES:
         return None
-    return float(np.percentile(np.abs(shifts[is_found]), SHARE)) / STEP
+    return float(np.percentile(np.where(is_found, np.abs(shifts), REACH), SHARE)) / STEP

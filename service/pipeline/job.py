@@ -91,7 +91,8 @@ class Job:
     def is_transparent(self) -> bool:
         """Whether some pixel of some view that may be used is not opaque. A mesh's views are opaque."""
         if isinstance(self.content, ViewFiles):
-            return self.content.is_transparent(self.arrangement.list_required(self.wanted))
+            has_alpha = self.content.shape[4] in (2, 4)
+            return has_alpha and self.content.is_transparent(self.arrangement.list_required(self.wanted))
         return isinstance(self.content, LightField) and self.content.is_transparent()
 
     @cached_property
@@ -103,12 +104,13 @@ class Job:
 
     @cached_property
     def arrangement(self) -> Arrangement:
-        """Which views lie around which."""
+        """Which views lie around which. Sets of views always have windows of the nearest: to look for how far content
+        moves would decode views that may not be needed.
+        """
         arrangement = arrange_views(self.grid, self.order)
-        if isinstance(self.content, Scene) or arrangement.places is not None:
+        if not isinstance(self.content, LightField) or arrangement.places is not None:
             return arrangement
-        views = self.content if isinstance(self.content, ViewFiles) else self.content.views
-        return replace(arrangement, stride=choose_stride(measure_motion(views), self.grid))
+        return replace(arrangement, stride=choose_stride(measure_motion(self.content.views), self.grid))
 
 
 def resolve_job(name: str, content: Content, options: Options, *, max_views: int, max_pixels: int | None = None) -> Job:

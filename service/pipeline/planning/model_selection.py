@@ -27,7 +27,7 @@ class Selection:
     is_light_field: bool = False
     """Whether it takes a view with those around it."""
     close_views: CloseViews | None = None
-    """Views of a mesh that help, closer to each other than those of the lens array."""
+    """Views of a mesh that help, at a distance of their own; None where those of the lens array do."""
     reasons: tuple[str, ...] = ()
     """Sentences for the report."""
     note: str = ""
@@ -132,7 +132,8 @@ def _find_close_views(job: Job, mesh: Scene, light_field: Entry, single: Entry) 
     remedy later.
     """
     can_run = job.scale in light_field.scales and not light_field.unsupported_reason
-    found = find_close_views(mesh, job.array, job.placement) if can_run and job.times == 1 else None
+    is_considered = can_run and job.times == 1 and job.neighbour_time > 0
+    found = find_close_views(mesh, job.array, job.placement) if is_considered else None
     if found is None:
         return None, ""
     against, rendered = _judge_neighbours(job, mesh, light_field, single, found)

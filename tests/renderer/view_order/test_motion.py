@@ -32,6 +32,12 @@ def test_nothing_is_said_of_small_grids_small_or_flat_views_and_noise():
     assert measure_motion(noise) is None
 
 
+def test_what_is_not_found_again_counts_as_moving_far():
+    views = make_views((9, 9), 0.125, side=160)
+    views[..., :80, :] = make_views((9, 9), 3.0, side=160)[..., :80, :]
+    assert measure_motion(views) >= 1
+
+
 def test_a_small_part_that_moves_more_does_not_count():
     views = make_views((9, 9), 0.125, side=160)
     near = make_views((9, 9), 1.0, side=160)
