@@ -5,10 +5,12 @@ import io
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.ndimage import gaussian_filter, shift
 
 from ciir.errors import TooLarge, UnsuitedModel, UnsupportedScale
 from ciir.models import catalogue
 from ciir.models.light_field.sampling import Sampling
+from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.writers.pictures import encode_png
 from ciir.renderer.writers.writer import MemoryWriter
@@ -204,3 +206,17 @@ def test_the_network_that_is_shipped():
     assert report["model"]["fallback"]["name"] == catalogue.default_name()
     assert views[1, 2].shape == (12, 18, 3)
     assert len(report["model"]["sha256"]) == 64
+
+
+def test_views_apart_help_where_content_hardly_moves(stand_in, monkeypatch):
+    """A textured plane that moves by an eighth of a pixel: every second of 10x10 views makes up a window."""
+    monkeypatch.setattr("ciir.models.light_field.views.find_sampling", lambda *_: None)  # what the stand-in lacks
+    texture = gaussian_filter(np.random.default_rng(3).random((96, 96)), 1.5)
+    texture = 40 + 170 * (texture - texture.min()) / np.ptp(texture)
+    views = np.array([[shift(texture, (v / 8, u / 8), mode="reflect") for u in range(10)] for v in range(10)])
+    field = views.round().astype(np.uint8)[..., np.newaxis]
+    made, report = run(LightField(field), views="4,5;3,0", model="auto")
+    for (v, u), picture in made.items():
+        apart = field[v % 2 :: 2, u % 2 :: 2]
+        assert np.abs(picture - upscale_as_stand_in(apart, (v // 2, u // 2))).max() < ROUNDED
+    assert "those 2 apart do" in report["plan"]["reasons"][0]
