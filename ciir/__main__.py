@@ -1,7 +1,17 @@
-"""Runs the command line: `python -m ciir`."""
+"""The command line, `ciir` or `python -m ciir`. Its modules take a while to import, in which Ctrl-C ends it in order too."""
 
 import sys
 
-from ciir.service.cli.main import main
 
-sys.exit(main())
+def main() -> int:
+    """Runs the command line's own arguments and returns the exit status."""
+    try:
+        from ciir.service.cli.main import main as run
+    except KeyboardInterrupt:
+        print("ciir: interrupted", file=sys.stderr)
+        return 130
+    return run()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
