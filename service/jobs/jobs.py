@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import logging
+import math
 import secrets
 import time
 from contextlib import suppress
@@ -16,7 +17,7 @@ from ciir.service.jobs.disk import Disk
 from ciir.service.jobs.files import INPUTS, RECORD, RESULTS, Files, hash_content, make_folder
 from ciir.service.jobs.identity import compute_id
 from ciir.service.jobs.job import FINAL, Event, Job, Request, parse_id
-from ciir.service.jobs.lanes import LANES, choose_lane
+from ciir.service.jobs.lanes import LANES, choose_lane, estimate_job
 from ciir.service.jobs.lifecycle import Lifecycle
 from ciir.service.jobs.queue import FILE, Queue
 from ciir.service.jobs.records import Records
@@ -37,7 +38,7 @@ SWEEP_LIMIT_SECONDS = 2.0
 FINISHED_LIMIT = 50_000
 """Ended jobs that are kept, whatever their size, since each sweep reads them all."""
 JOBS_PER_SECOND = 4
-"""Assumed speed of a server, to estimate `Retry-After`."""
+"""Assumed speed of a server for small jobs, to estimate `Retry-After`."""
 _log = logging.getLogger("ciir.jobs")
 
 
@@ -60,7 +61,7 @@ class Jobs:
         self.lifecycle = Lifecycle(self.queue, self.records, self.files)
         database = None if settings.queue else self.folder / FILE
         self.disk = Disk((self.folder, self.files.runs), database, settings.max_body_bytes)
-        self._max_waiting = settings.max_waiting
+        self._max_waiting, self._job_seconds = settings.max_waiting, settings.job_seconds
         self._keep_seconds, self._keep_bytes = settings.keep_seconds, settings.keep_bytes
         self._limits = asdict(TaskLimits.from_settings(settings)) | {"job_seconds": settings.job_seconds}
         """They decide whether a job has a result or a problem."""
@@ -89,7 +90,8 @@ class Jobs:
         lane = choose_lane(request, file)
         waiting = self.queue.count_waiting(lane)
         if waiting >= self._max_waiting:
-            raise QueueFull(retry_after=1 + waiting // JOBS_PER_SECOND)
+            one = min(estimate_job(request, file), self._job_seconds)  # a place becomes free when a job like it ends
+            raise QueueFull(retry_after=max(1 + waiting // JOBS_PER_SECOND, math.ceil(one)))
         name = f"{id_}.{secrets.token_hex(8)}"
         queued = (Event("queued"),)
         new = Job(

@@ -52,8 +52,12 @@ _HEAD_BYTES = 1 << 18
 
 def choose_lane(request: Request, file: BinaryIO) -> Lane:
     """`small` for a job of up to `SMALL_ESTIMATE`."""
-    seconds = estimate_seconds(request, measure_unpacked(file), measure_pixels(file))
-    return "small" if seconds <= SMALL_ESTIMATE else "large"
+    return "small" if estimate_job(request, file) <= SMALL_ESTIMATE else "large"
+
+
+def estimate_job(request: Request, file: BinaryIO) -> float:
+    """Seconds that a job takes on a typical machine; infinity where the start of `file` doesn't tell its size."""
+    return estimate_seconds(request, measure_unpacked(file), measure_pixels(file))
 
 
 def estimate_seconds(request: Request, size: float, pixels: float | None) -> float:

@@ -1,6 +1,7 @@
 import asyncio
 import errno
 import io
+import math
 import os
 import shutil
 from dataclasses import replace
@@ -205,6 +206,19 @@ def test_a_full_queue(service):
     assert len(list_files(jobs)) == 3
     jobs.queue.pop(("small",), 0.01)
     assert submit_data(jobs, b"2").state == "queued"
+
+
+def test_a_full_queue_of_large_jobs_has_no_place_before_one_has_ended(service, monkeypatch):
+    jobs = service.open_jobs(max_waiting=1, job_seconds=300)
+    large = {"views": "all", "lenses": "150x150", "model": "field-quality"}
+    submit_data(jobs, **large)
+    with pytest.raises(QueueFull) as raised:
+        submit_data(jobs, b"2", **large)
+    assert 20 < raised.value.retry_after < 200
+    monkeypatch.setattr("ciir.service.jobs.jobs.estimate_job", lambda *_: math.inf)
+    with pytest.raises(QueueFull) as raised:
+        submit_data(jobs, b"2", **large)
+    assert raised.value.retry_after == 300
 
 
 def test_a_full_disk(jobs, monkeypatch):
