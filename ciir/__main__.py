@@ -1,4 +1,4 @@
-"""The command line, `ciir` or `python -m ciir`. Its modules take a while to import, in which Ctrl-C ends it in order too."""
+"""Runs the command line, `ciir` or `python -m ciir`. Ctrl-C ends it in order, also while its modules are imported."""
 
 import sys
 

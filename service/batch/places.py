@@ -19,6 +19,7 @@ from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.names import clean_text, is_hidden, resolve_key
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.service.errors import join_lines
+from ciir.service.jobs.resource import PROGRAMMING_ERRORS
 from ciir.service.pipeline.limits import read_limits
 from ciir.service.pipeline.source import SCENE, open_source
 
@@ -48,12 +49,12 @@ def open_filesystem(text: str) -> tuple[Any, str]:
 @contextmanager
 def reach_store(text: str, filesystem: Any) -> Iterator[None]:
     """Raises `InvalidOption` in place of an error of the client of the store at the URL `text`: each has its own, as
-    botocore's where there are no credentials. Errors of local files stay.
+    botocore's where there are no credentials. Errors of local files stay, and programming errors.
     """
     try:
         yield
     except Exception as error:
-        if isinstance(error, Error) or isinstance(filesystem, LocalFileSystem):
+        if isinstance(error, (Error, *PROGRAMMING_ERRORS)) or isinstance(filesystem, LocalFileSystem):
             raise
         raise InvalidOption(
             f"{text}: can't be reached ({join_lines(str(error) or type(error).__name__)}); check the address, and the "

@@ -20,7 +20,7 @@ import fsspec
 from fsspec.implementations.local import LocalFileSystem
 
 from ciir.errors import InvalidOption
-from ciir.service.jobs.resource import Resource
+from ciir.service.jobs.resource import PROGRAMMING_ERRORS, Resource
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -95,6 +95,8 @@ class Files:
                     make_folder(Path(self._path(folder)))
                 else:
                     self._fs.makedirs(self._path(folder), exist_ok=True)
+        except PROGRAMMING_ERRORS:
+            raise
         except Exception as error:  # each store's client has errors of its own
             raise InvalidOption(f"{place}: files can't be stored there ({error}); name another place") from error
 
@@ -217,8 +219,10 @@ class Files:
 
     def _describe(self, error: Exception, *, is_write: bool = False) -> str | None:
         """The message for an error of the place: any `OSError`, but `FileNotFoundError` only if a folder is missing
-        (`is_write`), or any exception of an object store, as each store's client has its own.
+        (`is_write`), or any exception of an object store but a programming error, as each store's client has its own.
         """
+        if isinstance(error, PROGRAMMING_ERRORS):
+            return None
         is_missing = isinstance(error, FileNotFoundError) and not is_write
         if is_missing or (self._is_local and not isinstance(error, OSError)):
             return None

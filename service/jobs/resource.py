@@ -11,6 +11,8 @@ from ciir.errors import QueueUnavailable
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+PROGRAMMING_ERRORS = (AssertionError, AttributeError, NameError, TypeError)
+"""Errors that no client of an object store raises where its store fails, although each has errors of its own."""
 _log = logging.getLogger("ciir.jobs")
 
 

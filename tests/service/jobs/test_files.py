@@ -175,6 +175,19 @@ def test_a_store_whose_client_has_errors_of_its_own(tmp_path, monkeypatch):
         Files("memory://a", tmp_path / "scratch")
 
 
+def test_a_programming_error_is_not_reported_as_one_of_the_store(tmp_path, monkeypatch):
+    def fail(*_, **__):
+        raise TypeError("an argument is missing")
+
+    files = Files(f"memory://{tmp_path.name}/files", tmp_path / "scratch")
+    monkeypatch.setattr(files._fs, "open", fail)
+    with pytest.raises(TypeError):
+        files.put(INPUTS, {"a": io.BytesIO(DATA)})
+    monkeypatch.setattr(MemoryFileSystem, "makedirs", fail)
+    with pytest.raises(TypeError):
+        Files("memory://a", tmp_path / "scratch")
+
+
 @pytest.mark.parametrize("place", ["nosuchscheme://bucket/path", "{tmp}/file/below"])
 def test_a_place_that_cannot_be_used(tmp_path, place):
     (tmp_path / "file").touch()
