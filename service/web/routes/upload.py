@@ -81,7 +81,8 @@ def parse_form(parts: Iterable[tuple[str, UploadFile | str]], kind: Kind) -> Upl
     seen: set[str] = set()
     for name, value in parts:
         if name in seen:
-            raise InvalidOption(f"{clean_text(name)}: given twice; give it once")
+            remedy = "send several files as one zip" if name == FILE else "give it once"
+            raise InvalidOption(f"{clean_text(name)}: given twice; {remedy}")
         seen.add(name)
         if name == FILE:
             if not isinstance(value, UploadFile):

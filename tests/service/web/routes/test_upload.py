@@ -155,6 +155,8 @@ def test_bad_forms(client, eia):
     problem(client.post("/v1/upscales", files={"scene": (None, "vase")}), 422, "'scene': no such field")
     problem(client.post(POST, files={"file": (None, "text")}), 422, "plain field")
     problem(client.post(POST, files=[("lenses", (None, "6x9")), ("lenses", (None, "1x1"))]), 422, "twice")
+    two = [("file", ("a.obj", eia)), ("file", ("a.mtl", eia))]
+    problem(client.post(POST, files=two), 422, "file: given twice; send several files as one zip")
     problem(client.post(POST, data={"lenses": "6x9"}), 415, "multipart/form-data")
     problem(client.post(POST, content=eia), 415, "the body has no type;")
     problem(client.post(POST, json={"file": "x"}), 415, "application/json")
