@@ -135,6 +135,12 @@ export class Job {
   async cancel() {
     await request(this.url, { method: "DELETE" });
   }
+
+  /** Cancels the job unless it has ended: that would remove its result. */
+  async cancelRunning() {
+    const { state } = await (await request(this.url)).json();
+    if (!ENDED.includes(state)) await this.cancel();
+  }
 }
 
 /**

@@ -16,7 +16,7 @@ const restart = find("restart", HTMLButtonElement);
 const details = find("details", HTMLDetailsElement);
 
 const CANCEL_MILLISECONDS = 5000; // for which the next job waits, at most
-const LONG = 3000; // milliseconds: the end of a job costs the server a new worker process, which takes about as long
+const LONG = 3000; // milliseconds that a job may run on after it is left: its end costs the server a new worker process, which takes about as long
 const OWN_NOTES = /^tiles\b/; // of the format in which the viewer takes views, whatever they show
 /** @typedef {{line: HTMLElement, notes: HTMLElement}} Place Of what is reported: the state and the time, and notes. */
 /** @type {Place} Below the picture. */
@@ -31,12 +31,12 @@ let job = null;
 /** The last request to cancel a job: a job that is begun before its end could be the one that it removes. */
 let cancelling = Promise.resolve();
 let started = 0;
+let isOwn = true; // whether the work began its job
 let wasDone = false; // before the work asked for it
 let place = PICTURE; // where the work is reported
 let isUnfinished = false;
 
 find("cancel", HTMLButtonElement).addEventListener("click", () => {
-  started = -LONG;
   stop(CANCELLED);
   showStatus(TEXTS.cancelled);
 });
@@ -67,17 +67,32 @@ export async function perform(action, reported = PICTURE) {
 }
 
 /**
- * Ends the work: here, and its job on the server if that is a long one.
+ * Ends the work: here, and its job on the server once that has run for long.
  * @param {DOMException} [reason]
  */
 export function stop(reason) {
   work.abort(reason);
-  if (job && performance.now() - started > LONG) {
-    const answer = job.cancel().catch(() => {}); // it may have ended
-    cancelling = Promise.race([answer, new Promise((resolve) => setTimeout(() => resolve(undefined), CANCEL_MILLISECONDS))]);
-  }
+  const left = job, isAsked = reason === CANCELLED, rest = LONG - (performance.now() - started);
   job = null;
+  if (left && (isAsked || rest <= 0)) cancel(left.cancel());
+  else if (left && isOwn) setTimeout(() => endLeft(left), rest);
   panel.hidden = restart.hidden = true;
+}
+
+/**
+ * Ends a job that was left and still runs, unless the work has come back to it.
+ * @param {Job} left
+ */
+function endLeft(left) {
+  const isBeginning = job === null && !panel.hidden; // a job that may be the same
+  if (isBeginning) setTimeout(() => endLeft(left), LONG);
+  else if (job?.url !== left.url) cancel(left.cancelRunning());
+}
+
+/** @param {Promise<void>} answer To a request that cancels a job. */
+function cancel(answer) {
+  const ended = Promise.all([cancelling, answer.catch(() => {})]); // it may have ended by itself
+  cancelling = Promise.race([ended, new Promise((resolve) => setTimeout(resolve, CANCEL_MILLISECONDS))]).then(() => {});
 }
 
 /** Ends the work and forgets what it reported. */
@@ -113,6 +128,7 @@ export async function run(start, name, signal, isNew = true) {
   showStatus(name);
   panel.hidden = false;
   const begun = (started = performance.now());
+  isOwn = isNew;
   const report = (/** @type {Status | null} */ status) => showProgress(status, begun);
   report(null);
   /** @type {Job | undefined} */

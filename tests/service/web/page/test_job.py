@@ -216,6 +216,33 @@ def test_a_job_is_begun_again_after_it_was_cancelled(page, posted):
     wait_for_picture(page, 42, 62)
 
 
+@pytest.mark.parametrize("way", ["left", "left when done", "left and begun again"])
+def test_a_job_that_is_left_soon_is_ended_unless_it_is_done_or_wanted_again(page, way):
+    address = "#scene=vase&lenses=23x31&pixels=5x5"  # that no other test has made
+    go_to(page, f"{address}&show=mapped")
+    wait_for_picture(page, 23, 31)
+    status, asked = {"id": "a", "state": "running", "progress": None}, []
+
+    def answer(route):
+        asked.append(route.request.method)
+        route.fulfill(json=status | ({"state": "done"} if way == "left when done" else {}))
+
+    page.route(
+        "**/v1/reconstructions",
+        lambda route: route.fulfill(json=status) if "auto" in route.request.post_data else route.fallback(),
+    )
+    page.route("**/v1/reconstructions/a/events", lambda route: None)
+    page.route("**/v1/reconstructions/a", answer)
+    with page.expect_request("**/a/events"):
+        choose_mode(page, "Upscaled")
+    choose_mode(page, "As mapped")
+    if way == "left and begun again":
+        with page.expect_request("**/a/events"):
+            choose_mode(page, "Upscaled")
+    page.wait_for_timeout(4000)  # longer than a job that is left may run on
+    assert asked == {"left": ["GET", "DELETE"], "left when done": ["GET"], "left and begun again": []}[way]
+
+
 def test_a_cancelled_disparity_is_reported_in_plain_words(page):
     go_to(page, f"{SMALL}&show=around")
     box = page.get_by_role("checkbox", name="Disparity")
