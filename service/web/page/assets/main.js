@@ -9,7 +9,7 @@ import { clear, clearNotes, EXPORT, perform, run, showProblem, showStatus } from
 import { PLACE } from "./light_field.js";
 import { allowTurning, closeMesh, openMesh, watchPlace } from "./place.js";
 import { forgetJob, isUnfinished, watchRecent } from "./recent.js";
-import { fitSettings, offerGrids, offerModels, readSettings, watchSettings } from "./settings.js";
+import { fitSettings, LENSES, offerGrids, offerModels, readSettings, watchSettings } from "./settings.js";
 import { readState, replaceState } from "./state.js";
 import { KINDS, SENTENCES, TEXTS, writeTexts } from "./texts.js";
 
@@ -18,10 +18,14 @@ import { KINDS, SENTENCES, TEXTS, writeTexts } from "./texts.js";
 
 const SETTLE_MILLISECONDS = 250; // after a change of a setting, as a key may be pressed again
 const MESH_PIXELS = "7x7"; // of a mesh that is opened, as of the examples: the 15x15 of the server take four times as long
+/** Settings that the viewpoint or the focus depends on. */
+const PLACED = [...LENSES, "rotate", "zoom", "place", "up"];
 const modes = /** @type {HTMLInputElement[]} */ ([...document.querySelectorAll("[name=show]")]);
 const save = find("save", HTMLButtonElement); // of a recent job whose file is not open, and which nothing else can be exported from
 /** @type {Input | null} What is open. */
 let input = null;
+/** @type {Record<string, string> | null} The settings of what is open as it was last made. */
+let made = null;
 
 /** Ends and forgets all of what is open. */
 function leave() {
@@ -29,7 +33,7 @@ function leave() {
   closeMesh();
   save.hidden = true;
   fill(make("p", TEXTS.waiting));
-  input = null;
+  input = made = null;
   fitSettings("");
   writeName("", "");
 }
@@ -127,16 +131,20 @@ function makeChosen(opened, signal) {
   const settings = readSettings();
   const mode = modes.find((field) => field.checked && !field.closest("[hidden]"))?.value ?? "upscaled";
   keepState({ ...settings, show: mode });
+  made = settings;
   allowTurning((opened.kind === "mesh" || opened.kind === "scene") && (mode === "mapped" || mode === "upscaled"));
   return makeShown(opened, settings, mode, signal);
 }
 
 /**
- * Puts the input and its settings into the address.
+ * Puts the input and its settings into the address. Other lenses have other views, and make of what is nearer or turned
+ * another disparity.
  * @param {Record<string, string>} settings
  */
 function keepState(settings) {
-  const place = Object.entries(readState()).filter(([name]) => PLACE.includes(name));
+  const changed = made ? PLACED.filter((name) => settings[name] !== made?.[name]) : [];
+  const left = changed.some((name) => LENSES.includes(name)) ? PLACE : changed.length > 0 ? ["focus"] : [];
+  const place = Object.entries(readState()).filter(([name]) => PLACE.includes(name) && !left.includes(name));
   replaceState({ scene: input?.scene ?? "", file: input?.scene ? "" : (input?.name ?? ""), ...settings, ...Object.fromEntries(place) });
 }
 

@@ -2,6 +2,7 @@
 
 import re
 from base64 import b64decode
+from urllib.parse import parse_qsl, urlsplit
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from playwright.sync_api import Error, expect
 
 from ciir.renderer.readers.pictures import decode
 from tests.support.browser import needs_browser
-from tests.support.browser.page import choose, open_scene, wait_for_picture
+from tests.support.browser.page import choose, go_to, open_scene, set_field, wait_for_picture, wait_for_rest
 from tests.support.inputs import CUBE
 
 pytestmark = [needs_browser, pytest.mark.slow]
@@ -151,3 +152,23 @@ def test_a_mesh_asks_no_other_host(page):
     }"""
     with pytest.raises(Error):
         page.evaluate(script, mesh)
+
+
+def test_another_lens_array_is_seen_from_its_centre_and_a_turned_mesh_is_focused_again(page):
+    def read_place(change):
+        page.locator("#status").evaluate("each => each.textContent = ''")
+        change()
+        expect(page.locator("#status")).to_contain_text("Done in")
+        wait_for_rest(page)
+        shown = dict(parse_qsl(urlsplit(page.evaluate("location.href")).fragment))
+        return {name: shown[name] for name in given}
+
+    address = "#scene=vase&lenses=20x30&pixels=3x3&show=around&v=0.5&u=2&focus=3&aperture=1"
+    given = {"v": "0.5", "u": "2", "focus": "3", "aperture": "1"}
+    assert read_place(lambda: go_to(page, address)) == given
+    assert read_place(lambda: page.locator("[name=model]").select_option("bicubic")) == given
+    turned = read_place(lambda: page.locator("[name=yaw]").press("ArrowRight"))
+    assert turned == given | {"focus": turned["focus"]}
+    assert abs(float(turned["focus"])) < 2.5  # as measured
+    other = read_place(lambda: set_field(page, "pixels", "5x5"))
+    assert (other["v"], other["u"], other["aperture"]) == ("2", "2", "0")
