@@ -1,6 +1,7 @@
 // @ts-check
 /** Downloads in every format that the server writes. */
 import { find, make } from "./dom.js";
+import { leaveExport } from "./job.js";
 import { readState } from "./state.js";
 import { FORMATS, GROUPS, TEXTS } from "./texts.js";
 
@@ -104,6 +105,7 @@ function fillFocus() {
  */
 export function watchExport(save) {
   select.addEventListener("change", showFields);
+  form.addEventListener("input", leaveExport);
   document.addEventListener("rest", fillFocus); // of a light field
   form.addEventListener("submit", (event) => {
     event.preventDefault();

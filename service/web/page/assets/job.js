@@ -18,11 +18,24 @@ const details = find("details", HTMLDetailsElement);
 const CANCEL_MILLISECONDS = 5000; // for which the next job waits, at most
 const LONG = 3000; // milliseconds that a job may run on after it is left: its end costs the server a new worker process, which takes about as long
 const OWN_NOTES = /^tiles\b/; // of the format in which the viewer takes views, whatever they show
-/** @typedef {{line: HTMLElement, notes: HTMLElement}} Place Of what is reported: the state and the time, and notes. */
-/** @type {Place} Below the picture. */
-const PICTURE = { line: find("status", HTMLElement), notes: find("notes", HTMLElement) };
+/**
+ * @typedef {object} Place Of what is reported.
+ * @property {HTMLElement} line For the state and the time.
+ * @property {HTMLElement} notes Below the progress.
+ * @property {(problem: HTMLElement) => void} show Puts what failed there.
+ */
+/** @type {Place} Around the picture. */
+const PICTURE = {
+  line: find("status", HTMLElement),
+  notes: find("notes", HTMLElement),
+  show: (problem) => find("stand", HTMLElement).before(problem),
+};
 /** @type {Place} Below the button that begins an export. */
-export const EXPORT = { line: find("exported", HTMLElement), notes: find("export-notes", HTMLElement) };
+export const EXPORT = {
+  line: find("exported", HTMLElement),
+  notes: find("export-notes", HTMLElement),
+  show: (problem) => find("export-form", HTMLElement).after(problem), // a form can't hold that of the key
+};
 const CANCELLED = new DOMException(TEXTS.cancelled, "AbortError");
 
 let work = new AbortController();
@@ -52,9 +65,9 @@ export async function perform(action, reported = PICTURE) {
   stop();
   hideProblem();
   if (isUnfinished) showStatus(""); // it was ended
-  clearNotes(EXPORT);
-  EXPORT.line.textContent = "";
+  clearExport();
   [place, isUnfinished] = [reported, true];
+  place.notes.before(restart, panel);
   work = new AbortController();
   const { signal } = work;
   const begun = performance.now();
@@ -98,16 +111,31 @@ function cancel(answer) {
 /** Ends the work and forgets what it reported. */
 export function clear() {
   stop();
-  for (const { line } of [PICTURE, EXPORT]) line.textContent = "";
+  PICTURE.line.textContent = "";
   hideProblem();
   clearNotes();
-  clearNotes(EXPORT);
+  clearExport();
   details.hidden = true;
 }
 
 /** Forgets the notes of what was shown. */
-export function clearNotes({ notes } = PICTURE) {
-  notes.replaceChildren();
+export function clearNotes() {
+  PICTURE.notes.replaceChildren();
+}
+
+/** Forgets what the last export reported. */
+function clearExport() {
+  EXPORT.line.textContent = "";
+  EXPORT.notes.replaceChildren();
+}
+
+/** Forgets what the last export reported, as others are chosen, unless it is still being made. */
+export function leaveExport() {
+  if (place === EXPORT && !panel.hidden) return;
+  clearExport();
+  if (place !== EXPORT) return;
+  hideProblem();
+  restart.hidden = true;
 }
 
 /** @param {string} message For all to read, and for screen readers. */
@@ -193,6 +221,8 @@ export function showProblem(error, name, retry) {
   const again = find("retry", HTMLButtonElement);
   again.hidden = status === 401 || (status >= 400 && status < 500 && ![404, 408, 409, 410, 429].includes(status));
   again.onclick = retry;
+  const isSeen = EXPORT.line.closest("form")?.getClientRects().length; // not where no file is open
+  (isSeen ? place : PICTURE).show(problem);
   problem.hidden = false;
   problem.scrollIntoView({ block: "nearest" });
   document.querySelector(`form [name="${CSS.escape(/^\w+/.exec(detail)?.[0] ?? "")}"]`)?.setAttribute("aria-invalid", "true");

@@ -143,6 +143,7 @@ def test_an_export_has_a_time_and_notes_of_its_own(page):
     expect(exported).to_have_text("Export")
     page.get_by_role("button", name="Cancel").click()
     expect(exported).to_have_text("Cancelled.")
+    expect(page.locator("#export-form").get_by_role("button", name="Try again")).to_be_focused()
     page.unroute_all()
     note = {"notes": ["it is small"], "timings_ms": {"encode": 1}}
     page.route("**/v1/displays", lambda route: route.fulfill(json={"id": "a", "state": "done", "report": note}))
@@ -153,6 +154,12 @@ def test_an_export_has_a_time_and_notes_of_its_own(page):
     expect(page.locator("#export-notes")).to_have_text("it is small")
     assert (status.text_content(), page.locator("#times").text_content()) == (shown, times)
     expect(page.locator("#notes")).to_be_empty()
+    page.get_by_label("Model of the Looking Glass").select_option("go")
+    for line in ("#exported", "#export-notes"):
+        expect(page.locator(line)).to_be_empty()
+    with page.expect_download():
+        page.get_by_role("button", name="Download").click()
+    expect(exported).to_contain_text("Done in")
     choose_mode(page, "As mapped")
     wait_for_picture(page, 20, 30)
     for line in ("#exported", "#export-notes"):

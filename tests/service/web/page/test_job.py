@@ -263,12 +263,28 @@ def test_progress_and_errors_of_a_download_are_in_sight(page, size):
     page.locator("#format").select_option("stack/gif")
     page.locator("#export-form [name=stack]").fill("bla")
     page.get_by_role("button", name="Download").click()
-    expect(page.get_by_role("alert")).to_be_in_viewport(ratio=1)
-    expect(page.locator("[name=stack]")).to_have_attribute("aria-invalid", "true")
+    field, button = page.locator("[name=stack]"), page.get_by_role("button", name="Download")
+    alert = page.get_by_role("alert")
+    for part in (alert, button):
+        expect(part).to_be_in_viewport(ratio=1)
+    expect(field).to_have_attribute("aria-invalid", "true")
+    field.fill("-1:1:4")  # that one mends it is in sight, too
+    expect(alert).to_be_hidden()
+    expect(field).not_to_have_attribute("aria-invalid", "true")
     hold_posts(page, "planes")
-    page.get_by_role("button", name="Download").click()
+    button.click()
     check_progress(page)
-    expect(page.locator("[name=stack]")).not_to_have_attribute("aria-invalid", "true")
+    expect(button).to_be_in_viewport(ratio=1)
+    set_field(page, "lenses", "bla")
+    expect(alert).to_contain_text("lenses")
+    expect(page.locator(".stage").get_by_role("alert")).to_be_in_viewport(ratio=1)
+    page.unroute_all()
+    set_field(page, "lenses", "20x30")
+    choose_mode(page, "As mapped")
+    hold_posts(page, "reconstructions")
+    set_field(page, "lenses", "22x30")
+    check_progress(page)
+    expect(page.locator(".stage progress")).to_be_visible()
 
 
 def test_the_page_works_where_the_browser_refuses_storage(page):
