@@ -10,7 +10,7 @@ const KEYS = /** @type {Record<string, [string, number]>} */ ({
   ArrowLeft: ["yaw", -5], ArrowRight: ["yaw", 5], ArrowUp: ["tilt", -5], ArrowDown: ["tilt", 5],
   "+": ["zoom", 0.1], "=": ["zoom", 0.1], "-": ["zoom", -0.1],
 });
-const FIELDS = ["yaw", "tilt", "roll", "zoom", "place", "up"];
+const FIELDS = ["yaw", "tilt", "roll", "zoom", "place", "up", "background"];
 /** Options with which a mesh is placed otherwise than the preview does. */
 const OTHERS = ["fit", "camera", "time", "animation", "delta", "parallax", "pitch"];
 const MOST_BYTES = 64e6; // of a file that the browser reads
@@ -81,8 +81,9 @@ function draw() {
   isDue = true;
   requestAnimationFrame(() => {
     isDue = false;
-    const { lenses = "", pixels = "", up = "y", rotate = "0,0,0", zoom = "1", place = "-1" } = read();
+    const { lenses = "", pixels = "", up = "y", rotate = "0,0,0", zoom = "1", place = "-1", background = "000000" } = read();
     const [rows, cols] = readPair(lenses, 100), [v, u] = readPair(pixels, 15);
+    preview?.fill(background);
     preview?.draw({ rows, cols, v, u, up, rotate: rotate.split(",").map(Number), zoom: Number(zoom), place: Number(place) });
     canvas.hidden = false;
   });

@@ -92,6 +92,11 @@ export class Preview {
     }
   }
 
+  /** @param {string} colour Behind the mesh, such as `ffffff`. */
+  fill(colour) {
+    this.renderer.setClearColor(`#${colour}`);
+  }
+
   /** @param {Stand} stand Of the mesh before the lens array. */
   draw(stand) {
     const { rows, cols } = stand;

@@ -49,7 +49,7 @@ function isDefault(field) {
  */
 export function readSettings() {
   const fields = listFields();
-  const changed = fields.filter((field) => !isDefault(field)).map((field) => [field.name, readField(field)]);
+  const changed = fields.filter((field) => !isDefault(field)).map((field) => [field.name, readField(field).slice(field.type === "color" ? 1 : 0)]);
   const { yaw = "0", tilt = "0", roll = "0", ...settings } = Object.fromEntries(changed);
   const rotate = [yaw, tilt, roll].join(",");
   return { ...others, ...settings, ...(rotate === "0,0,0" ? {} : { rotate }) };
@@ -67,12 +67,22 @@ export function writeSettings(settings) {
   if (settings.model && !scales.has(settings.model)) offerModel(settings.model, [Number(settings.scale) || 2]);
   for (const [name, value] of Object.entries({ ...settings, yaw, tilt, roll })) {
     const field = form.elements.namedItem(name);
-    if (field instanceof HTMLInputElement || field instanceof HTMLSelectElement) field.value = value;
+    if (field instanceof HTMLInputElement && field.type === "color") writeColour(field, value);
+    else if (field instanceof HTMLInputElement || field instanceof HTMLSelectElement) field.value = value;
     else if (!["rotate", "v", "u", "focus", "aperture"].includes(name)) others[name] = value;
     if (name === "model") offerScales();
   }
   showValues();
   markGrid();
+}
+
+/**
+ * @param {HTMLInputElement} field
+ * @param {string} value As the server takes it, such as `ffffff`; it refuses what is no colour.
+ */
+function writeColour(field, value) {
+  if (/^[0-9a-f]{6}$/i.test(value)) field.value = `#${value}`;
+  else others[field.name] = value;
 }
 
 /** Marks the lens grid that the settings are of, if it is one of those that were found. */

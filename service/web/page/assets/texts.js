@@ -61,6 +61,7 @@ export const TEXTS = {
   zoom: "Size",
   place: "Place",
   placeHelp: "-1 behind the lenses, 1 in front of them",
+  background: "Background",
   up: "Axis that points up",
   y: "y",
   z: "z, as in CAD",

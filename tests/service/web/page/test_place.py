@@ -46,9 +46,14 @@ def open_mesh(page, suffix, settings):
     page.locator("#turn canvas").wait_for(state="attached")
 
 
+def read_picture(page, script):
+    """The picture that a script gives, `(H, W, 3)`."""
+    return decode(b64decode(page.evaluate(script).split(",")[1]), name="picture")[..., :3]
+
+
 def read_silhouette(page, script):
     """Where the picture that a script gives shows the mesh, `(SIZE, SIZE)`."""
-    picture = decode(b64decode(page.evaluate(script).split(",")[1]), name="picture")[..., :3].max(-1) > 40
+    picture = read_picture(page, script).max(-1) > 40
     rows, cols = ((np.arange(SIZE) + 0.5) * side // SIZE for side in picture.shape)
     return picture[rows.astype(int)[:, None], cols.astype(int)]
 
@@ -68,6 +73,28 @@ def test_the_preview_shows_what_the_server_renders(page, suffix, settings):
     assert 0.05 < server.mean() < 0.9
     # Of 200 pixels along a side, outlines differ by half of one: nothing but the samples' places.
     assert (server & preview).sum() / (server | preview).sum() > 0.97
+
+
+def test_a_background_is_chosen_and_shown_by_the_preview_too(page):
+    def read_corners():
+        return {tuple(read_picture(page, script)[0, 0]) for script in (SERVER, PREVIEW)}
+
+    open_mesh(page, "glb", "rotate=10,0,0&background=FFD0a0")
+    field = page.get_by_label("Background")
+    expect(field).to_have_value("#ffd0a0")
+    assert read_corners() == {(255, 208, 160)}
+    field.fill("#204060")
+    page.wait_for_url("**background=204060**")
+    expect(page.locator("#status")).to_contain_text("Done in")
+    assert read_corners() == {(32, 64, 96)}
+    field.fill("#000000")  # as usual
+    page.wait_for_url(lambda url: "background" not in url)
+
+
+def test_a_background_that_is_none_is_refused(page):
+    page.expected = ["422"]
+    go_to(page, "#scene=vase&lenses=20x30&pixels=3x3&background=red")
+    expect(page.get_by_role("alert")).to_contain_text("background: 'red'")
 
 
 def test_a_mesh_turns_under_the_mouse_before_it_is_rendered(page):
