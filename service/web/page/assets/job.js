@@ -225,7 +225,8 @@ export function showProblem(error, name, retry) {
   (isSeen ? place : PICTURE).show(problem);
   problem.hidden = false;
   problem.scrollIntoView({ block: "nearest" });
-  document.querySelector(`form [name="${CSS.escape(/^\w+/.exec(detail)?.[0] ?? "")}"]`)?.setAttribute("aria-invalid", "true");
+  const fields = document.querySelectorAll(`form [name="${CSS.escape(/^\w+/.exec(detail)?.[0] ?? "")}"]`); // of exports last
+  [...fields].at(place === EXPORT ? -1 : 0)?.setAttribute("aria-invalid", "true");
 }
 
 /** Hides what failed. */

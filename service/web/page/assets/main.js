@@ -19,7 +19,7 @@ import { KINDS, SENTENCES, TEXTS, writeTexts } from "./texts.js";
 const SETTLE_MILLISECONDS = 250; // after a change of a setting, as a key may be pressed again
 const MESH_PIXELS = "7x7"; // of a mesh that is opened, as of the examples: the 15x15 of the server take four times as long
 /** Settings that the viewpoint or the focus depends on. */
-const PLACED = [...LENSES, "rotate", "zoom", "place", "up"];
+const PLACED = [...LENSES, "rotate", "zoom", "place", "up", "time"];
 const modes = /** @type {HTMLInputElement[]} */ ([...document.querySelectorAll("[name=show]")]);
 const save = find("save", HTMLButtonElement); // of a recent job whose file is not open, and which nothing else can be exported from
 /** @type {Input | null} What is open. */

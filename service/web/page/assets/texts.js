@@ -61,6 +61,7 @@ export const TEXTS = {
   zoom: "Size",
   place: "Place",
   placeHelp: "-1 behind the lenses, 1 in front of them",
+  moment: "Time in its animation (glTF), in seconds",
   background: "Background",
   up: "Axis that points up",
   y: "y",
@@ -84,6 +85,7 @@ export const TEXTS = {
   device: "Model of the Looking Glass",
   calibration: "Calibration of the display, a JSON file",
   display: "Panel and lenses, a TOML file",
+  time: "Times in seconds, from : to : count",
   stack: "Planes, from : to : count",
   disparity: "Disparity of the plane, in pixels a view",
   epi: "Row y=120, or column x=80",
@@ -135,6 +137,7 @@ export const KINDS = /** @type {Record<string, string>} */ ({
 /** Names of groups of export formats. */
 export const GROUPS = /** @type {Record<string, string>} */ ({
   view: "The centre view",
+  times: "The centre view of an animation",
   all: "All views",
   displays: "For displays",
   elementals: "Elemental image array of the mesh",
@@ -197,6 +200,7 @@ const SETTINGS = /** @type {Record<string, (value: string) => string>} */ ({
   pixels: (value) => `${value} pixels`,
   rotate: (value) => `turned by ${value.replaceAll(",", "°, ")}°`,
   zoom: (value) => `size ${value}`,
+  time: (value) => `at ${value} s`,
   model: (value) => ({ auto: "", none: "not upscaled" }[value] ?? value),
   scale: (value) => (value === "2" ? "" : `${value} times larger`),
 });

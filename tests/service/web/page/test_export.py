@@ -19,8 +19,18 @@ from ciir.renderer.displays.devices import DEVICES
 from ciir.service.pipeline.options import KINDS
 from ciir.service.pipeline.options.kinds import FILE_TYPES
 from tests.support.browser import needs_browser
-from tests.support.browser.page import check_progress, choose_mode, go_to, hold_posts, open_scene, wait_for_picture
+from tests.support.browser.page import (
+    check_progress,
+    choose,
+    choose_mode,
+    go_to,
+    hold_posts,
+    open_scene,
+    set_field,
+    wait_for_picture,
+)
 from tests.support.displays import CALIBRATION
+from tests.support.meshes.gltf import Model
 
 pytestmark = [needs_browser, pytest.mark.slow]
 OTHERS = ("inspection", "upscale")  # kinds of jobs whose results are nothing of a light field to keep
@@ -89,6 +99,32 @@ def test_a_download_is_what_its_name_says(page):
         assert download.value.suggested_filename == f"Vase{end}"
         assert (format_, read(download.value.path().read_bytes())) == (format_, expected)
     expect(page.get_by_role("alert")).to_be_hidden()
+
+
+def test_an_animated_mesh_is_shown_at_a_time_and_exported_at_several(page):
+    page.expected = ["422"]
+    model = Model()
+    model.animate(0, "rotation", [0, 1], np.array([[0, 0, 0, 1], [0, 0.5**0.5, 0, 0.5**0.5]], np.float32))
+    go_to(page, "#file=square.glb&lenses=12x18&pixels=3x3&model=none&show=mapped")
+    page.reload()
+    choose(page, ("square.glb", model.glb()))
+    wait_for_picture(page, 12, 18)
+    before = page.locator("#frame img").screenshot()
+    set_field(page, "time", "0.5")
+    page.wait_for_url("**time=0.5**")
+    expect(page.locator("#status")).to_contain_text("Done in")
+    assert page.locator("#frame img").screenshot() != before
+    page.locator("#format").select_option("times/gif")
+    times, button = page.locator("#export-form [name=time]"), page.get_by_role("button", name="Download")
+    times.fill("bla")
+    button.click()
+    expect(times).to_have_attribute("aria-invalid", "true")
+    expect(page.locator("#settings [name=time]")).not_to_have_attribute("aria-invalid", "true")
+    times.fill("0:1:5")
+    with page.expect_download() as download:
+        button.click()
+    assert download.value.suggested_filename == "square_animation.gif"
+    assert open_picture(download.value.path().read_bytes()) == (5, 12, 18, 3)
 
 
 def test_every_format_of_the_server_is_offered(page):
