@@ -36,7 +36,6 @@ from ciir.training.networks.light_field import (
     WithUncertainty,
     fold_factors,
     merge_layers,
-    split_layers,
 )
 
 if TYPE_CHECKING:
@@ -78,7 +77,7 @@ def export_int8(
     """
     from ciir.training.export import calibration, quantise
 
-    weights, card = convert_checkpoint(checkpoint, name, merges=False)
+    weights, card = convert_checkpoint(checkpoint, name)
     examples_of = calibration.make_light_field_examples if card.is_light_field else calibration.make_picture_examples
     weights, kept = quantise.quantise_network(weights, examples_of(calibrate, card.scale))
     how = {"calibrate": [folder.as_posix() for folder in calibrate], "float_layers": kept}
@@ -92,17 +91,17 @@ def export_int8(
     return write_network(weights, twin, out, accuracy_on=accuracy_on)
 
 
-def convert_checkpoint(checkpoint: Path, name: str = "", *, merges: bool = True) -> tuple[bytes, cards.Card]:
+def convert_checkpoint(checkpoint: Path, name: str = "") -> tuple[bytes, cards.Card]:
     """Converts a checkpoint's network to float ONNX and makes its card, without what `write_network` fills in.
 
-    `name`: in place of the recipe's. `merges`: see `simplify_network`. Raises as `export_network`.
+    `name`: in place of the recipe's. Raises as `export_network`.
     """
     state = checkpoints.read_checkpoint(checkpoint)
     recipe = state["recipe"]
     name = name or str(recipe["name"])
     check_name(name)
     trained = load_network(state)
-    network = simplify_network(trained, merges=merges)
+    network = simplify_network(trained)
     sizes = Sizes()
     weights = to_onnx.convert_network(network, int(recipe["scale"]))
     compare_with_torch(network, weights)
@@ -204,14 +203,14 @@ def load_network(state: dict[str, Any]) -> nn.Module:
 
 
 @torch.no_grad()
-def simplify_network(network: nn.Module, *, merges: bool = True) -> nn.Module:
-    """Folds branches, factors and batch normalisation, separates interpolation, and sets weights under `SMALLEST` to
-    zero. `merges`: whether added convolutions of a light-field network are merged, as for float, or split, as for int8.
+def simplify_network(network: nn.Module) -> nn.Module:
+    """Folds branches, factors and batch normalisation, merges added convolutions of a light-field network, separates
+    interpolation, and sets weights under `SMALLEST` to zero.
     """
     network = separate(collapse(fold_batch_norm(network)))
     if isinstance(network, LightFieldGenerator):
         fold_factors(network)
-        (merge_layers if merges else split_layers)(network)
+        merge_layers(network)
     for weight in (*network.parameters(), *network.buffers()):
         weight[weight.abs() < SMALLEST] = 0.0
     return network.eval()

@@ -5,6 +5,10 @@ are unsigned 8 bit, `value = scale * (code - zero)`; biases are 32 bit with the 
 
 The integer kernels of processors with VNNI need input channels in fours and output channels in sixteens, and are 2 to 4
 times slower otherwise. So zeros are added to pictures and filters, and cut off again after each layer.
+
+Where a layer's input joins the outputs of others, each part has a grid of its own: its codes are joined as they are,
+and filters are scaled by the ratio of the grids. A part with negative values is joined twice, as it is and negated,
+each on a grid that begins at zero.
 """
 
 from __future__ import annotations
@@ -16,7 +20,7 @@ import onnx
 from onnx import helper, numpy_helper
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Collection, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -55,6 +59,9 @@ class Layer(NamedTuple):
 
     convolution: onnx.NodeProto
     activation: onnx.NodeProto | None
+    parts: Mapping[str, int] = {}
+    """The tensors that a Concat joins to the input, with their numbers of channels; empty where none of them, or not
+    all but one, are outputs of layers."""
 
     @property
     def name(self) -> str:
@@ -64,12 +71,16 @@ class Layer(NamedTuple):
     @property
     def tensors(self) -> tuple[str, ...]:
         """The tensors that need a grid: input, output, and the convolution's output where it isn't folded."""
-        source, made = self.convolution.input[0], self.convolution.output[0]
+        sources, made = self.parts or (self.convolution.input[0],), self.convolution.output[0]
         if self.activation is None:
-            return source, made
-        after = self.activation.output[0]
+            return *sources, made
         # Relu needs none before it: below zero there is nothing on its own grid.
-        return (source, after) if self.activation.op_type == "Relu" else (source, made, after)
+        return (*sources, self.output) if self.activation.op_type == "Relu" else (*sources, made, self.output)
+
+    @property
+    def output(self) -> str:
+        """The tensor that comes out."""
+        return str((self.activation or self.convolution).output[0])
 
 
 def find_layers(model: onnx.ModelProto) -> list[Layer]:
@@ -78,19 +89,31 @@ def find_layers(model: onnx.ModelProto) -> list[Layer]:
     The one that outputs the picture is excluded: the picture must not be rounded to 256 levels.
     """
     pictures = {value.name for value in model.graph.output}
-    constants = {value.name for value in model.graph.initializer}
+    constants = {value.name: value.dims for value in model.graph.initializer}
     readers: dict[str, list[onnx.NodeProto]] = {}
     for node in model.graph.node:
         for name in node.input:
             readers.setdefault(name, []).append(node)
-    found = []
+    joins = {node.output[0]: list(node.input) for node in model.graph.node if node.op_type == "Concat"}
+    found: list[Layer] = []
+    channels: dict[str, int] = {}  # of the outputs of layers
     for node in model.graph.node:
         groups = next((a.i for a in node.attribute if a.name == "group"), 1)
         if node.op_type == "Conv" and groups == 1 and node.input[1] in constants and node.output[0] not in pictures:
             after = readers.get(node.output[0], [])
             activation = after[0] if len(after) == 1 and after[0].op_type in ACTIVATIONS else None
-            found.append(Layer(node, activation))
+            parts = _count_channels(joins.get(node.input[0], []), channels, constants[node.input[1]][1])
+            found.append(Layer(node, activation, parts))
+            channels[found[-1].output] = constants[node.input[1]][0]
     return found
+
+
+def _count_channels(parts: Sequence[str], channels: Mapping[str, int], total: int) -> dict[str, int]:
+    """The channels of each of `parts`, `total` in all: `channels` holds those of layers; empty as `Layer.parts`."""
+    known = {part: channels[part] for part in parts if part in channels}
+    if not known or len(known) < len(parts) - 1:
+        return {}
+    return {part: known.get(part, total - sum(known.values())) for part in parts}
 
 
 def insert_qdq(model: onnx.ModelProto, grids: Mapping[str, Grid], kept: Collection[str] = ()) -> onnx.ModelProto:
@@ -112,12 +135,20 @@ class _GraphRewriter:
         self.activations = {layer.activation.output[0] for layer in chosen if layer.activation is not None}
         self.read_as: dict[str, str] = {}
         """Tensor -> its values after a QDQ pair."""
+        self.codes: dict[str, str] = {}
+        """Tensor -> its codes, which became those values."""
         self.nodes: list[onnx.NodeProto] = []
         self.constants: list[onnx.TensorProto] = []
 
     def build(self) -> onnx.ModelProto:
+        floats = {
+            name for node in self.model.graph.node if node.output[0] not in self.convolutions for name in node.input
+        }
+        joined = {layer.convolution.input[0] for layer in self.convolutions.values() if layer.parts} - floats
         for node in self.model.graph.node:
             made = node.output[0]
+            if made in self.read_as or made in joined:
+                continue
             if made in self.convolutions:
                 self.add_convolution(self.convolutions[made])
                 continue
@@ -135,53 +166,95 @@ class _GraphRewriter:
 
     def add_convolution(self, layer: Layer) -> None:
         node = layer.convolution
-        source, made = node.input[0], node.output[0]
+        made = node.output[0]
         weight = numpy_helper.to_array(self.weights[node.input[1]])
         bias = numpy_helper.to_array(self.weights[node.input[2]]) if len(node.input) > 2 else np.zeros(len(weight))
-        outputs, inputs = weight.shape[:2]
-        more_inputs, more_outputs = -inputs % INPUTS, -outputs % OUTPUTS
-        weight = np.pad(weight, ((0, more_outputs), (0, more_inputs), (0, 0), (0, 0)))
+        source, grid, weight = self.add_join(layer, weight) if layer.parts else self.add_input(node.input[0], weight)
+        outputs = len(weight)
+        more_outputs = -outputs % OUTPUTS
+        weight = np.pad(weight, ((0, more_outputs), (0, 0), (0, 0), (0, 0)))
         bias = np.pad(bias, (0, more_outputs))
         scales = np.abs(weight).max(axis=(1, 2, 3)).astype(np.float32) / 127
         # A filter of nearly nothing keeps its bias within 32 bits all the same.
-        least = np.maximum(np.abs(bias) / (self.grids[source].scale * LARGEST), FAINTEST)
+        least = np.maximum(np.abs(bias) / (grid.scale * LARGEST), FAINTEST)
         scales = np.maximum(scales, least).astype(np.float32)
-        products = scales * self.grids[source].scale
+        products = scales * grid.scale
         codes = np.rint(weight / scales[:, None, None, None]).astype(np.int8)
         parts = [
-            self.add_padding(source, more_inputs) if more_inputs else self.add_pair(source),
+            source,
             self.add_dequantised(f"{layer.name}_8", codes, scales),
             self.add_dequantised(f"{layer.name}_bias", np.rint(bias / products).astype(np.int32), products),
         ]
         self.nodes.append(self.copy_node(node, parts))
-        if layer.activation is None or layer.activation.op_type != "Relu" or more_outputs:
+        relu = layer.activation is not None and layer.activation.op_type == "Relu"
+        if not relu or more_outputs:
+            self.add_pair(made, keep=outputs if more_outputs else 0, grid=self.grids[layer.output if relu else made])
+        if relu and more_outputs:
             # A Relu's grid begins at zero: rounded to it, what is below zero is zero already.
-            relu = layer.activation is not None and layer.activation.op_type == "Relu"
-            grid = self.grids[layer.activation.output[0] if relu and layer.activation else made]
-            self.add_pair(made, keep=outputs if more_outputs else 0, grid=grid)
+            self.codes[layer.output], self.read_as[layer.output] = self.codes[made], self.read_as[made]
 
-    def add_padding(self, name: str, channels: int) -> str:
-        """`name` with more channels, of zeros, after a QDQ pair."""
-        wide = f"{name}_wide"
+    def add_input(self, name: str, weight: NDArray[np.float32]) -> tuple[str, Grid, NDArray[np.float32]]:
+        """Tensor `name` as the input of a layer, its grid, and the layer's filters, both with channels of zeros."""
+        grid, wide = self.grids[name], f"{name}_wide"
+        more = -weight.shape[1] % INPUTS
+        if not more:
+            return self.add_pair(name), grid, weight
         if wide not in self.read_as:  # two convolutions may read it
-            pads = self.add_constant(f"{name}_pads", np.array([0, 0, 0, 0, 0, channels, 0, 0], np.int64))
-            self.add_node("Pad", [self.source(name), pads], wide)
-        return self.add_pair(wide, grid=self.grids[name])
+            codes = self.codes.get(name) or self.add_codes(name, grid)
+            self.add_read(wide, self.add_channels(codes, more, grid), grid)
+        return self.read_as[wide], grid, np.pad(weight, ((0, 0), (0, more), (0, 0), (0, 0)))
 
-    def source(self, name: str) -> str:
-        return self.read_as.get(name, name)
+    def add_join(self, layer: Layer, weight: NDArray[np.float32]) -> tuple[str, Grid, NDArray[np.float32]]:
+        """As `add_input`, of the parts of a layer's input."""
+        codes, filters = [], []
+        grid = Grid(self.grids[next(iter(layer.parts))].scale, np.uint8(0))
+        ends = np.cumsum(list(layer.parts.values()))[:-1]
+        for part, some in zip(layer.parts, np.split(weight, ends, axis=1), strict=True):
+            scale, zero = self.grids[part]
+            if zero == 0:
+                codes.append(self.codes.get(part) or self.add_codes(part, self.grids[part]))
+                filters.append(some * (scale / grid.scale))
+                continue
+            half = Grid(np.float32(scale * max(zero, 255 - zero) / 255), np.uint8(0))
+            for sign, source in ((1, part), (-1, self.add_node("Neg", [part], f"{part}_negated"))):
+                codes.append(self.add_codes(source, half))
+                filters.append(sign * some * (half.scale / grid.scale))
+        weight = np.concatenate(filters, axis=1)
+        more = -weight.shape[1] % INPUTS
+        joined = self.add_node("Concat", codes, f"{layer.name}_input_codes", axis=1)
+        if more:
+            joined = self.add_channels(joined, more, grid)
+        source = self.add_read(f"{layer.name}_input", joined, grid)
+        return source, grid, np.pad(weight, ((0, 0), (0, more), (0, 0), (0, 0)))
 
     def add_pair(self, name: str, *, keep: int = 0, grid: Grid | None = None) -> str:
         """The tensor after rounding to its grid; of its channels the first `keep`, where that isn't 0."""
         if name not in self.read_as:
             grid = grid or self.grids[name]
-            scale, zero = self.add_constant(f"{name}_scale", grid.scale), self.add_constant(f"{name}_zero", grid.zero)
-            codes = self.add_node("QuantizeLinear", [name, scale, zero], f"{name}_codes")
+            codes = self.add_codes(name, grid)
             if keep:
                 ends = (("from", 0), ("to", keep), ("axis", 1))
                 where = [self.add_constant(f"{name}_{key}", np.array([value])) for key, value in ends]
                 codes = self.add_node("Slice", [codes, *where], f"{name}_kept")
-            self.read_as[name] = self.add_node("DequantizeLinear", [codes, scale, zero], f"{name}_read")
+            self.add_read(name, codes, grid)
+        return self.read_as[name]
+
+    def add_codes(self, name: str, grid: Grid) -> str:
+        """The codes of a tensor on a grid."""
+        scale, zero = self.add_constant(f"{name}_scale", grid.scale), self.add_constant(f"{name}_zero", grid.zero)
+        return self.add_node("QuantizeLinear", [name, scale, zero], f"{name}_codes")
+
+    def add_channels(self, codes: str, count: int, grid: Grid) -> str:
+        """`codes` with `count` more channels, of zeros."""
+        pads = self.add_constant(f"{codes}_pads", np.array([0, 0, 0, 0, 0, count, 0, 0], np.int64))
+        zero = self.add_constant(f"{codes}_padding", grid.zero)
+        return self.add_node("Pad", [codes, pads, zero], f"{codes}_wide")
+
+    def add_read(self, name: str, codes: str, grid: Grid) -> str:
+        """The values of `codes` on a grid, which stand for tensor `name` from here on."""
+        parts = [self.add_constant(f"{name}_read_{key}", value) for key, value in grid._asdict().items()]
+        self.codes[name] = codes
+        self.read_as[name] = self.add_node("DequantizeLinear", [codes, *parts], f"{name}_read")
         return self.read_as[name]
 
     def add_dequantised(self, name: str, codes: NDArray[np.generic], scales: NDArray[np.float32]) -> str:

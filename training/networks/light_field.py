@@ -76,10 +76,8 @@ class LightFieldGenerator(nn.Module):
         self.sharpness = nn.Parameter(torch.tensor(SHARPNESS))
         self.inform = CollapsibleConv(width, widths[1], gain=0.3)
         self.factors = FACTORS
-        self.detail: nn.Conv2d | None = None
-        """The part of `inform` that sees the selected plane, once exported for int8: see `split_layers`."""
         self.merged: nn.Conv2d | None = None
-        """`inform` and the single-picture generator's second layer as one, as exported in float: see `merge_layers`."""
+        """`inform` and the single-picture generator's second layer as one, as exported: see `merge_layers`."""
         self.register_buffer("luma", torch.tensor(LUMA)[None, :, None, None], persistent=False)
 
     def forward(self, image: Tensor, around: Tensor, rows: Tensor, cols: Tensor) -> Tensor:
@@ -124,8 +122,6 @@ class LightFieldGenerator(nn.Module):
         features = activation(first(image))
         if self.merged is not None:
             features = activation(self.merged(torch.cat([features, compared, selected], 1)))
-        elif self.detail is not None:
-            features = activation(second(features) + self.inform(compared) + self.detail(selected))
         else:
             features = activation(second(features) + self.inform(torch.cat([compared, selected], 1)))
         for layer in rest[1:]:
@@ -190,7 +186,7 @@ def fold_factors(network: LightFieldGenerator) -> None:
 
 @torch.no_grad()
 def merge_layers(network: LightFieldGenerator) -> None:
-    """Merges two added convolutions of a collapsed network in place: quicker in float."""
+    """Merges two added convolutions of a collapsed network in place: faster, and in int8 rounded once."""
     second, inform = (cast("nn.Conv2d", layer) for layer in (network.single.body[2], network.inform))
     both = torch.cat([second.weight, inform.weight], 1)
     network.merged = nn.Conv2d(both.shape[1], both.shape[0], kernel_size=3, padding=1)
@@ -198,20 +194,3 @@ def merge_layers(network: LightFieldGenerator) -> None:
     cast("Tensor", network.merged.bias).copy_(cast("Tensor", second.bias) + cast("Tensor", inform.bias))
     del network.inform
     network.single.body[2] = nn.Identity()
-
-
-@torch.no_grad()
-def split_layers(network: LightFieldGenerator) -> None:
-    """Splits the convolution that sees the selected plane off a collapsed network's `inform`, in place: in int8 their
-    inputs need grids of their own, as most of the plane's differences are smaller than a step of one for both.
-    """
-    whole = cast("nn.Conv2d", network.inform)
-    parts = [
-        nn.Conv2d(inputs, len(whole.weight), kernel_size=3, padding=1)
-        for inputs in (whole.weight.shape[1] - CHOSEN, CHOSEN)
-    ]
-    parts[0].weight.copy_(whole.weight[:, :-CHOSEN])
-    parts[1].weight.copy_(whole.weight[:, -CHOSEN:])
-    cast("Tensor", parts[0].bias).copy_(cast("Tensor", whole.bias))
-    nn.init.zeros_(cast("Tensor", parts[1].bias))
-    network.inform, network.detail = parts  # type: ignore[assignment]

@@ -125,6 +125,49 @@ def test_the_graph(weights, pairs):
     assert kept.SerializeToString() == model.SerializeToString()
 
 
+class Joined(torch.nn.Module):
+    """A layer that reads two others, the second 100 times as small, and something with negative values."""
+
+    scale = 2
+
+    def __init__(self):
+        super().__init__()
+        self.first, self.second = torch.nn.Conv2d(3, 16, 3, padding=1), torch.nn.Conv2d(3, 5, 3, padding=1)
+        self.join, self.last = torch.nn.Conv2d(16 + 5 + 3, 16, 3, padding=1), torch.nn.Conv2d(16, 12, 3, padding=1)
+        with torch.no_grad():
+            self.second.weight *= 0.01
+            self.second.bias *= 0.01
+            self.join.weight[:, 16:21] *= 100
+
+    def forward(self, image):
+        parts = [torch.relu(self.first(image)), torch.relu(self.second(image)), image - 0.5]
+        made = self.last(torch.relu(self.join(torch.cat(parts, 1))))
+        return torch.nn.functional.pixel_shuffle(made + image.repeat(1, 4, 1, 1), 2)
+
+
+def test_joined_outputs_of_layers_keep_their_own_grids(pairs):
+    torch.manual_seed(7)
+    weights = to_onnx.convert_network(Joined().eval(), 2)
+    model = onnx.load_from_string(weights)
+    layer = next(layer for layer in qdq.find_layers(model) if layer.name == "join.weight")
+    assert list(layer.parts.values()) == [16, 5, 3]
+    grids = quantise.choose_grids(model, pairs)
+    made = qdq.insert_qdq(model, grids)
+    values = {value.name: onnx.numpy_helper.to_array(value) for value in made.graph.initializer}
+    assert values["join.weight_8_codes"].shape[1] == 16 + 5 + 3 + 3 + 1  # the negated part too, made up to fours
+    wanted, output = (
+        open_session(network, 1).run(None, pairs[0].inputs)[0] for network in (weights, made.SerializeToString())
+    )
+    coarse = {name: grids[next(iter(layer.parts))] if name in layer.parts else grid for name, grid in grids.items()}
+    worse = open_session(qdq.insert_qdq(model, coarse).SerializeToString(), 1).run(None, pairs[0].inputs)[0]
+    error = np.abs(output - wanted).max()
+    assert error < 3 / 255
+    assert np.abs(worse - wanted).max() > 4 * error
+    kept = qdq.insert_qdq(model, grids, ["join.weight"])
+    onnx.checker.check_model(kept, full_check=True)
+    assert np.abs(open_session(kept.SerializeToString(), 1).run(None, pairs[0].inputs)[0] - wanted).max() < 3 / 255
+
+
 def test_the_picture_itself_is_not_rounded():
     model = onnx.load_from_string(to_onnx.convert_network(make_network("lite", {"blocks": 1, "channels": 8}).eval(), 2))
     assert "tail.weight" in {value.name for value in model.graph.initializer}

@@ -7,7 +7,7 @@ import torch
 
 from ciir.models.light_field.windows import select_axis
 from ciir.training.networks.collapsible import collapse
-from ciir.training.networks.light_field import LightFieldGenerator, fold_factors, merge_layers, split_layers
+from ciir.training.networks.light_field import LightFieldGenerator, fold_factors, merge_layers
 from ciir.training.networks.plane_sweep import SIDE
 
 
@@ -25,18 +25,17 @@ def test_missing_views_are_ignored():
 
 
 @pytest.mark.parametrize("guard", [False, True])
-@pytest.mark.parametrize("change", [merge_layers, split_layers])
-def test_a_merged_or_split_network_computes_the_same(change, guard):
+def test_a_merged_network_computes_the_same(guard):
     torch.manual_seed(0)
     network = LightFieldGenerator((8, 8), width=8, depth=1, guard=guard)
     plain = collapse(network)
     fold_factors(plain)
-    change(plain)
+    merge_layers(plain)
     generator = torch.Generator().manual_seed(4)
     image, around = torch.rand(1, 3, 9, 7, generator=generator), torch.rand(1, 25, 9, 7, generator=generator)
     there = torch.from_numpy(select_axis(2, 5).present)
     torch.testing.assert_close(
         plain(image, around, there, there), network(image, around, there, there), atol=1e-5, rtol=0
     )
-    assert (plain.merged is not None, plain.detail is not None) == (change is merge_layers, change is split_layers)
+    assert plain.merged is not None
     assert plain.factors == (1.0, 1.0)
