@@ -14,6 +14,7 @@ import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.readers.meshes.geometry import MAX_NODES, UPRIGHT, add_alpha, place_surfaces
+from ciir.renderer.readers.meshes.polygons import triangulate
 from ciir.renderer.readers.meshes.trimesh_formats import check_xml
 from ciir.renderer.surface import DEFAULT_COLOR, WHITE, Surface
 
@@ -82,7 +83,7 @@ def _surface(primitive: Any, materials: dict[str, Any], name: str, resolver: Res
     if isinstance(primitive, Polylist):
         if primitive.nvertices > len(primitive.index):
             raise Unreadable(f"{name}: its polygons have more corners than it lists; export it again")
-        primitive = primitive.triangleset()
+        primitive = _triangulate(primitive, resolver)
     if not isinstance(primitive, TriangleSet):
         resolver.add_note("lines are left out: only polygons are drawn")
         return None
@@ -111,6 +112,17 @@ def _surface(primitive: Any, materials: dict[str, Any], name: str, resolver: Res
         texture=texture,
         is_see_through=alpha < 1,
     )
+
+
+def _triangulate(polygons: Any, resolver: Resolver) -> Any:
+    """A primitive of triangles: pycollada's own are fans about the polygons' first corners."""
+    from collada.triangleset import TriangleSet
+
+    if polygons.vertex is None or not len(polygons.index):
+        return polygons.triangleset()
+    vertices, corners = polygons.vertex.astype(np.float64), np.asarray(polygons.vertex_index)
+    triangles, _ = triangulate(vertices, corners, np.asarray(polygons.vcounts), resolver.add_note)
+    return TriangleSet(polygons.sources, polygons.material, polygons.index[triangles].ravel(), polygons.xmlnode)
 
 
 def _read_diffuse(effect: Any) -> tuple[Color, str | None]:

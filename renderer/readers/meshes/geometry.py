@@ -1,4 +1,4 @@
-"""Conversions that mesh formats share: polygons to triangles, text to numbers, colours, placement."""
+"""Conversions that mesh formats share: text to numbers, colours, placement."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ciir.renderer.copies import place_surface
 from ciir.renderer.surface import check_size
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Iterable
 
     from numpy.typing import NDArray
 
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 MAX_NODES = 20_000
 """Most nodes in the scene of a mesh file, each counted as often as it is instanced."""
-FLAT = 1e-3
-"""Cosine up to which a triangle that faces against its polygon is taken for a rounded edge-on one."""
 UPRIGHT = {
     "X_UP": np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
     "Z_UP": np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]]),
@@ -35,49 +33,6 @@ def parse_numbers(tokens: Iterable[bytes]) -> NDArray[np.float64]:
     Raises `ValueError` where a token is not a number.
     """
     return np.fromiter(map(float, tokens), np.float64)
-
-
-def triangulate_fans(lengths: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Splits polygons into fans about their first corners: triangles `(m, 3)`, and the polygon `(m,)` of each.
-
-    `lengths` `(n,)`: the number of corners of each polygon. A triangle's corners are indices into the list of the
-    corners of all polygons. Polygons of fewer than three corners have no triangle.
-    """
-    counts = np.maximum(lengths - 2, 0)
-    source = np.repeat(np.arange(len(lengths)), counts)
-    first = (np.cumsum(lengths) - lengths)[source]
-    step = np.arange(len(source)) - (np.cumsum(counts) - counts)[source]
-    return np.stack([first, first + step + 1, first + step + 2], axis=1), source
-
-
-def note_hollow_polygons(
-    vertices: NDArray[np.floating],
-    triangles: NDArray[np.integer],
-    polygon_of: NDArray[np.integer],
-    add_note: Callable[[str], None],
-) -> None:
-    """Notes how many polygons have a fan that reaches out of them: one of its triangles faces against the others.
-
-    `vertices` `(n, 3)`; `triangles` `(m, 3)` index them; `polygon_of` `(m,)` is the polygon of each, ascending.
-    """
-    starts = np.flatnonzero(np.diff(polygon_of, prepend=-1))
-    counts = np.diff(starts, append=len(polygon_of))
-    split = np.repeat(counts > 1, counts)
-    if not split.any() or triangles.min() < 0 or triangles.max() >= len(vertices):  # which is reported later
-        return
-    columns = np.ascontiguousarray(vertices.T)
-    first, second, third = (columns[:, corners] for corners in triangles[split].T)  # (3, s) each
-    areas = np.cross(second - first, third - first, axis=0)
-    counts = counts[counts > 1]
-    starts = np.cumsum(counts) - counts
-    whole = np.repeat(np.add.reduceat(areas, starts, axis=1), counts, axis=1)
-    limits = -FLAT * np.linalg.norm(areas, axis=0) * np.linalg.norm(whole, axis=0)
-    hollow = np.logical_or.reduceat((areas * whole).sum(axis=0) < limits, starts)
-    if hollow.any():
-        add_note(
-            f"{np.count_nonzero(hollow):,} polygons are not convex and may be drawn beyond their outlines; triangulate "
-            "the mesh and export it again"
-        )
 
 
 def normalise(values: NDArray[Any]) -> NDArray[Any]:

@@ -14,7 +14,8 @@ import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.readers.meshes import mtl
-from ciir.renderer.readers.meshes.geometry import note_hollow_polygons, parse_numbers, triangulate_fans
+from ciir.renderer.readers.meshes.geometry import parse_numbers
+from ciir.renderer.readers.meshes.polygons import triangulate
 from ciir.renderer.readers.meshes.text_lines import (
     Rows,
     count_in_rows,
@@ -74,7 +75,7 @@ class _Lines:
 
 
 def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
-    """The polygons of an OBJ as triangles (fans), grouped by texture; lines, points and curves are left out.
+    """The polygons of an OBJ as triangles, grouped by texture; lines, points and curves are left out.
 
     Colours are taken as display-referred: Kd, and the vertex colours that some scanners write after the position.
     Raises `TooLarge` over `limits`; `Unreadable` or an error of Python's where the text is malformed.
@@ -84,13 +85,12 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
         positions = lines.array(b"v", 3, 7)
         texture_coordinates = lines.array(b"vt", 1, 2)
         normals = lines.array(b"vn", 3, 3)
-        corners, face_lines = _triangles(lines, name, limits.triangles)
+        corners, face_lines = _triangles(lines, positions[:, :3], name, resolver, limits.triangles)
     except Unreadable as error:
         raise Unreadable(f"{name}: {error}; export it again") from error
     if positions.shape[1] >= 6 and positions[:, 3:6].max() > BRIGHTEST:
         positions[:, 3:6] /= 255
         resolver.add_note("vertex colours above 1 are taken as levels from 0 to 255")
-    note_hollow_polygons(positions[:, :3], corners[:, :, 0], face_lines, resolver.add_note)
     for word, what in _LEFT_OUT.items():
         if len(lines.rows[word]):
             resolver.add_note(f"{what} are left out: only polygons are drawn")
@@ -121,7 +121,9 @@ def _sort_lines(data: bytes, name: str, max_triangles: int) -> _Lines:
     return _Lines(text, rows)
 
 
-def _triangles(lines: _Lines, name: str, max_triangles: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _triangles(
+    lines: _Lines, positions: NDArray[np.float64], name: str, resolver: Resolver, max_triangles: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """`(m, 3 corners, 3)` indices of position, texture coordinate and normal from 0, -1 where there is none; and the
     line number `(m,)` of each triangle, in the order of the file.
     """
@@ -161,7 +163,7 @@ def _triangles(lines: _Lines, name: str, max_triangles: int) -> tuple[NDArray[np
                 f"but there are {len(lines.rows[word]):,}"
             )
         raw[:, column] = np.where(given == 0, -1, index)
-    triangles, face_of = triangulate_fans(lengths)
+    triangles, face_of = triangulate(positions, raw[:, 0], lengths, resolver.add_note)
     return raw[triangles], line_of[face_of]
 
 

@@ -15,13 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
-from ciir.renderer.readers.meshes.geometry import (
-    add_alpha,
-    normalise,
-    note_hollow_polygons,
-    split_corners,
-    triangulate_fans,
-)
+from ciir.renderer.readers.meshes.geometry import add_alpha, normalise, split_corners
+from ciir.renderer.readers.meshes.polygons import triangulate
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.surface import DEFAULT_COLOR, WHITE, Surface, check_size
 
@@ -61,15 +56,15 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
     else:
         lengths, corners = np.fromiter(map(len, polygons), np.int64, len(polygons)), np.concatenate(polygons)
     check_size(name, int(np.maximum(lengths - 2, 0).sum()), vertex["length"], limits.triangles)
-    triangles, face_of = triangulate_fans(lengths)
+    vertices, corners = _stack(vertex, "x", "y", "z").astype(np.float64), corners.astype(np.int64)
+    triangles, face_of = triangulate(vertices, corners, lengths, resolver.add_note)
     surface = Surface(
-        vertices=_stack(vertex, "x", "y", "z").astype(np.float64),
-        faces=corners.astype(np.int64)[triangles],
+        vertices=vertices,
+        faces=corners[triangles],
         normals=_stack(vertex, "nx", "ny", "nz").astype(np.float64) if "nx" in vertex["properties"] else None,
         color=DEFAULT_COLOR,
         lit=UNLIT.encode() not in header,
     )
-    note_hollow_polygons(surface.vertices, surface.faces, face_of, resolver.add_note)
     texture = None if picture is None else resolver.load_texture(picture, opaque=True)
     colored = _add_colors(surface, vertex, face, face_of, texture)
     if texture is not None and colored.uv is None:

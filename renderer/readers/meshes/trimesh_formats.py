@@ -1,7 +1,7 @@
-"""STL and OFF, parsed by trimesh, with corrections for what trimesh 5.2 gets wrong without an error.
+"""STL, parsed by trimesh, and OFF.
 
-It drops the colours of COFF, accepts files that are cut short, and finds the keywords of STL in the names of solids.
-It is given bytes in memory whose counts are within the limits, and no means to open another file.
+trimesh 5.2 accepts STL that is cut short, and finds its keywords in the names of solids; of OFF it drops colours. It is
+given bytes in memory whose counts are within the limits, and no means to open another file.
 """
 
 from __future__ import annotations
@@ -15,10 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.errors import Unreadable
-from ciir.renderer.readers.meshes.geometry import add_alpha
+from ciir.renderer.readers.meshes.geometry import add_alpha, split_corners
+from ciir.renderer.readers.meshes.polygons import triangulate
 from ciir.renderer.surface import DEFAULT_COLOR, WHITE, Surface, check_size
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from ciir.renderer.limits import Limits
     from ciir.renderer.readers.meshes.texture_files import Resolver
 
@@ -73,17 +76,14 @@ def read_stl(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> l
     return [Surface(vertices.astype(np.float64), np.arange(len(vertices)).reshape(-1, 3), color=DEFAULT_COLOR)]
 
 
-def read_off(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:  # noqa: ARG001
-    """The faces of an ASCII OFF or COFF as one surface, with the colours of its vertices; those of faces are ignored.
+def read_off(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
+    """The faces of an ASCII OFF or COFF as one surface, with the colours of its vertices, or else of its faces.
 
     Raises `Unreadable` where it is cut short, `TooLarge` over `limits`.
     """
-    from trimesh.exchange.off import load_off
-
     lines = io.BytesIO(data.removeprefix(b"\xef\xbb\xbf").replace(b"\r", b"\n"))
     rows = [row for line in lines if (row := line.partition(b"#")[0].strip())]
-    text = b"\n".join(rows)
-    head = _OFF_HEAD.match(text)
+    head = _OFF_HEAD.match(b"\n".join(rows))
     if head is None:
         raise Unreadable(f"{name}: an OFF without counts of vertices and faces; export it again")
     vertex_count, face_count = int(head[2]), int(head[3])
@@ -94,15 +94,31 @@ def read_off(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> l
             "give it again"
         )
     check_size(name, face_count, vertex_count, limits.triangles)
-    faces = rows[vertex_count : vertex_count + face_count]
-    lengths = np.fromiter((int(face.split(None, 1)[0]) for face in faces), np.int64, face_count)
+    faces = [face.split() for face in rows[vertex_count : vertex_count + face_count]]
+    lengths = np.fromiter((int(face[0]) for face in faces), np.int64, face_count)
     check_size(name, int(np.maximum(lengths - 2, 0).sum()), vertex_count, limits.triangles)
     for number, (face, length) in enumerate(zip(faces, lengths, strict=True)):
-        if not 0 <= length < len(face.split()):
+        if not 0 <= length < len(face):
             raise Unreadable(f"{name}: OFF face {number} has fewer corners than its count; export it again")
-    loaded = load_off(io.BytesIO(text))
-    surface = Surface(loaded["vertices"], loaded["faces"].reshape(-1, 3), color=DEFAULT_COLOR)
-    if head[1] == b"OFF" or not vertex_count:
+    points = [row.split(None, 7)[:7] for row in rows[:vertex_count]]
+    if min(map(len, points), default=3) < 3:
+        raise Unreadable(f"{name}: an OFF vertex with fewer than three numbers; export it again")
+    vertices = np.array([point[:3] for point in points], np.float64).reshape(-1, 3)
+    corners = np.fromiter((int(word) for face in faces for word in face[1 : 1 + int(face[0])]), np.int64)
+    triangles, face_of = triangulate(vertices, corners, lengths, resolver.add_note)
+    surface = Surface(vertices, corners[triangles], color=DEFAULT_COLOR)
+    if head[1] == b"COFF" and vertex_count:
+        return [replace(surface, colors=_read_colors([point[3:6] for point in points]), color=WHITE)]
+    painted = [face[1 + length : 4 + length] for face, length in zip(faces, lengths.tolist(), strict=True)]
+    if not len(triangles) or min(map(len, painted)) < 3:  # one number would be an entry of a colour map
+        if any(painted):
+            resolver.add_note("colours that are not red, green and blue of every face are left out")
         return [surface]
-    colors = np.array([row.split(None, 6)[3:6] for row in rows[:vertex_count]], np.float64).astype(np.float32)
-    return [replace(surface, colors=add_alpha(colors / (255 if colors.max() > 1 else 1)), color=WHITE)]
+    colors = _read_colors(painted)[np.repeat(face_of, 3)]
+    return [replace(split_corners(surface), colors=colors, color=WHITE)]
+
+
+def _read_colors(rows: list[list[bytes]]) -> NDArray[np.float32]:
+    """RGBA `(n, 4)` of red, green and blue from 0 to 1, or to 255 where one is above 1."""
+    colors = np.array(rows, np.float64).astype(np.float32)
+    return add_alpha(colors / (255 if colors.max() > 1 else 1))

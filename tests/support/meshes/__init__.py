@@ -26,6 +26,12 @@ def read_mesh(suffix, data, beside=None, pose=AS_STORED, **limits):
     return meshes.read(Bundle(f"a{suffix}", main, found, Limits(**limits)), main, SUFFIXES[suffix], pose=pose)
 
 
+def find_area(scene):
+    """The area of all triangles."""
+    corners = np.concatenate([part.vertices[part.faces] for part in scene.parts])
+    return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+
+
 def assert_refused(suffix, data, message, beside=None):
     """The file is refused by an error of one line in which `message` is found."""
     with pytest.raises(InputError, match=message) as caught:

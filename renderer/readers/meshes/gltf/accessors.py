@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
-from ciir.renderer.readers.meshes.geometry import normalise, triangulate_fans
+from ciir.renderer.readers.meshes.geometry import normalise
+from ciir.renderer.readers.meshes.polygons import triangulate_fans
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from ciir.renderer.readers.meshes.geometry import MAX_NODES
 from ciir.renderer.readers.registry import SUFFIXES, identify
 from ciir.renderer.scene import Scene
 from ciir.renderer.writers.pictures import encode_png
-from tests.support.meshes import FRONT, UP, assert_refused, read_mesh
+from tests.support.meshes import FRONT, UP, assert_refused, find_area, read_mesh
 
 CORNERS = "0 0 0 1 0 0 1 1 0 0 1 0"
 POLYGON = """<polylist count="1" material="m"><input semantic="VERTEX" source="#v" offset="0"/>{inputs}
@@ -65,6 +65,13 @@ def test_the_colour_of_a_material() -> None:
     (part,) = read(document()).parts
     assert part.colors == pytest.approx(np.tile([FRONT, 0, 0.5 * FRONT, 1], (6, 1)))
     assert part.vertices[part.faces][:, :, :2].tolist() == [[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]]
+
+
+def test_a_polygon_that_is_not_convex_is_drawn_within_its_outline() -> None:
+    arrow = "0 0 0 4 0 0 1 1 0 0 4 0"
+    polygon = POLYGON.format(inputs="").replace("0 1 2 3", "1 2 3 0")
+    scene = read(document(polygons=polygon).replace(CORNERS.encode(), arrow.encode()))
+    assert (find_area(scene), scene.notes) == (4, ())
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from ciir.renderer.readers.meshes import mtl, obj
 from ciir.renderer.scene import Scene
 from ciir.renderer.surface import DEFAULT_COLOR, Surface
 from ciir.renderer.writers.pictures import encode_png
-from tests.support.meshes import FRONT, UP, assert_refused, assert_refused_in_little_memory, read_mesh
+from tests.support.meshes import FRONT, UP, assert_refused, assert_refused_in_little_memory, find_area, read_mesh
 
 SQUARE = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 UV = b"vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
@@ -40,9 +40,9 @@ def test_faces_in_every_spelling(faces: bytes) -> None:
     assert part.colors[:, :3] == pytest.approx(DEFAULT_COLOR[0] * FRONT)
 
 
-def test_a_polygon_that_is_not_convex_is_noted() -> None:
-    scene = read(b"v 0 0 0\nv 4 0 0\nv 4 4 0\nv 2 1 0\nv 0 4 0\nf 1 2 3\nf 1 2 3 4 5\n")
-    assert [note[:28] for note in scene.notes] == ["1 polygons are not convex an"]
+def test_a_polygon_that_is_not_convex_is_drawn_within_its_outline() -> None:
+    scene = read(b"v 0 0 0\nv 4 0 0\nv 4 4 0\nv 2 1 0\nv 0 4 0\nf -1 -2 -3\nf 5 1 2 3 4\nf 1 2 3 4 5\n")
+    assert (find_area(scene), scene.notes) == (6 + 2 * 10, ())
 
 
 def test_negative_indices_count_back_from_where_they_stand() -> None:

@@ -7,7 +7,7 @@ import trimesh
 
 from ciir.errors import TooLarge
 from ciir.renderer.scene import Scene
-from tests.support.meshes import FRONT, assert_refused, assert_refused_in_little_memory, read_mesh
+from tests.support.meshes import FRONT, assert_refused, assert_refused_in_little_memory, find_area, read_mesh
 
 SQUARE = b"0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
 FACET = """facet normal 0 0 1
@@ -43,6 +43,24 @@ def test_off_polygons_of_several_lengths() -> None:
     }
 
 
+def test_an_off_polygon_that_is_not_convex_is_drawn_within_its_outline() -> None:
+    scene = read_off(b"OFF\n4 1 0\n0 0 0\n4 0 0\n1 1 0\n0 4 0\n4 1 2 3 0\n")
+    assert (find_area(scene), scene.notes) == (4, ())
+
+
+@pytest.mark.parametrize("color", [b" 255 0 255", b" 255 0 255 255", b" 1.0 0.0 1.0 1.0"])
+def test_off_face_colours(color: bytes) -> None:
+    (part,) = read_off(b"OFF\n4 2 0\n" + SQUARE + b"4 0 1 2 3" + color + b"\n3 0 1 3 0 0 0\n").parts
+    assert part.colors[part.faces].tolist() == pytest.approx(
+        np.array([[[FRONT, 0, FRONT, 1]] * 3] * 2 + [[[0, 0, 0, 1]] * 3])
+    )
+
+
+def test_off_colours_of_some_faces_are_noted() -> None:
+    scene = read_off(b"OFF\n4 2 0\n" + SQUARE + b"4 0 1 2 3 1 0 0\n3 0 1 3 7\n")
+    assert scene.notes == ("colours that are not red, green and blue of every face are left out",)
+
+
 @pytest.mark.parametrize("color", [b" 255 0 255 255", b" 1.0 0.0 1.0 1.0"])
 def test_off_vertex_colours(color: bytes) -> None:
     (part,) = read_off(b"COFF\n4 1 0\n" + SQUARE.replace(b"\n", color + b"\n") + b"4 0 1 2 3\n").parts
@@ -58,11 +76,11 @@ def test_off_vertex_colours(color: bytes) -> None:
         (b"OFF\n-4 1 0\n" + SQUARE, "cut short"),
         (b"OFF\n999999999999 1 0\n" + SQUARE, "cut short"),
         (b"OFF\n4 1 0\n" + SQUARE + b"4 0 1 2\n", "fewer corners"),
-        (b"OFF\n4 1 0\n" + SQUARE + b"3 0 1 4\n", "outside the range of its vertices"),
-        (b"OFF\n4 1 0\n" + SQUARE + b"3 0 1 -1\n", "outside the range of its vertices"),
+        (b"OFF\n4 1 0\n" + SQUARE + b"3 0 1 4\n", "a face names vertex"),
+        (b"OFF\n4 1 0\n" + SQUARE + b"3 0 1 -1\n", "a face names vertex"),
         (b"OFF\n4 1 0\n" + SQUARE + b"-3 0 1 2\n", "fewer corners"),
         (b"OFF\n4 1 0\n" + SQUARE.replace(b"1 1 0", b"1 x 0") + b"3 0 1 2\n", "can be read"),
-        (b"OFF\n4 1 0\n" + SQUARE.replace(b"1 1 0", b"1 1") + b"3 0 1 2\n", "can be read"),
+        (b"OFF\n4 1 0\n" + SQUARE.replace(b"1 1 0", b"1 1") + b"3 0 1 2\n", "fewer than three numbers"),
         (b"OFF\n4 0 0\n" + SQUARE, "no triangles"),
         (b"OFF\n0 0 0\n", "no triangles"),
     ],

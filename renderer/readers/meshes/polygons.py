@@ -1,0 +1,132 @@
+"""Polygons as triangles: fans, and where those would reach out of their polygon, ears that are cut off one by one
+(Meisters, "Polygons have ears", 1975)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+FLAT = 1e-3
+"""Cosine up to which a triangle that faces against its polygon is taken for a rounded edge-on one."""
+MOST_WORK = 30_000_000
+"""Most points that are compared with ears, in all polygons of a file together: some seconds."""
+_TEST = 20
+"""Points that take as long to compare as an ear takes without any."""
+Point = tuple[float, float]
+
+
+def triangulate_fans(lengths: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Splits polygons into fans about their first corners: triangles `(m, 3)`, and the polygon `(m,)` of each.
+
+    `lengths` `(n,)`: the number of corners of each polygon. A triangle's corners are indices into the list of the
+    corners of all polygons. Polygons of fewer than three corners have no triangle.
+    """
+    counts = np.maximum(lengths - 2, 0)
+    source = np.repeat(np.arange(len(lengths)), counts)
+    first = (np.cumsum(lengths) - lengths)[source]
+    step = np.arange(len(source)) - (np.cumsum(counts) - counts)[source]
+    return np.stack([first, first + step + 1, first + step + 2], axis=1), source
+
+
+def triangulate(
+    vertices: NDArray[np.floating],
+    corners: NDArray[np.integer],
+    lengths: NDArray[np.integer],
+    add_note: Callable[[str], None],
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """As `triangulate_fans`, but that no triangle reaches out of its polygon; `add_note` gets a note where one may.
+
+    `vertices` `(n, 3)`; `corners` `(k,)` index them, polygon after polygon.
+    """
+    triangles, source = triangulate_fans(lengths)
+    starts, normals = _find_hollow(vertices, corners[triangles], source)
+    work, kept = [MOST_WORK], 0
+    for start, normal in zip(starts.tolist(), normals, strict=True):
+        length = int(lengths[source[start]])
+        first = int(triangles[start, 0])
+        axis = int(np.abs(normal).argmax())  # the polygon is seen along it, counterclockwise
+        across, up = ((axis + 1) % 3, (axis + 2) % 3)[:: 1 if normal[axis] > 0 else -1]
+        seen = vertices[corners[first : first + length]]
+        ears = _cut_ears(list(zip(seen[:, across].tolist(), seen[:, up].tolist(), strict=True)), work)
+        if ears is None:
+            kept += 1
+        else:
+            triangles[start : start + length - 2] = first + np.array(ears)
+    if kept:
+        add_note(
+            f"{kept:,} polygons cross themselves, or are not convex and have too many corners: they may be drawn "
+            "beyond their outlines; triangulate the mesh and export it again"
+        )
+    return triangles, source
+
+
+def _find_hollow(
+    vertices: NDArray[np.floating], triangles: NDArray[np.integer], source: NDArray[np.integer]
+) -> tuple[NDArray[np.intp], NDArray[np.floating]]:
+    """The polygons whose fan reaches out of them, as one of its triangles faces against the whole: the number of the
+    first triangle `(h,)` and the normal `(h, 3)` of each.
+
+    `triangles` `(m, 3)` index `vertices`; `source` `(m,)` is the polygon of each, ascending.
+    """
+    starts = np.flatnonzero(np.diff(source, prepend=-1))
+    counts = np.diff(starts, append=len(source))
+    split = np.repeat(counts > 1, counts)
+    if not split.any() or triangles.min() < 0 or triangles.max() >= len(vertices):  # which is reported later
+        return np.empty(0, np.intp), np.empty((0, 3))
+    columns = np.ascontiguousarray(vertices.T)
+    first, second, third = (columns[:, corners] for corners in triangles[split].T)  # (3, s) each
+    areas = np.cross(second - first, third - first, axis=0)
+    starts, counts = starts[counts > 1], counts[counts > 1]
+    own = np.cumsum(counts) - counts
+    normals = np.add.reduceat(areas, own, axis=1)
+    whole = np.repeat(normals, counts, axis=1)
+    limits = -FLAT * np.linalg.norm(areas, axis=0) * np.linalg.norm(whole, axis=0)
+    hollow = np.logical_or.reduceat((areas * whole).sum(axis=0) < limits, own)
+    return starts[hollow], normals[:, hollow].T
+
+
+def _cut_ears(points: Sequence[Point], work: list[int]) -> list[tuple[int, int, int]] | None:
+    """The triangles of a polygon whose corners run counterclockwise, as indices of `points`; None where it crosses
+    itself, or `work`, the points that may still be compared, runs out.
+    """
+    left = list(range(len(points)))
+    # Only a corner that is not convex can lie in an ear, and cutting makes none that is not.
+    bent = {
+        corner: points[corner]
+        for corner in left
+        if _turn(points[corner - 1], points[corner], points[(corner + 1) % len(points)]) <= 0
+    }
+    ears = []
+    at = missed = 0
+    while len(left) > 2:
+        before, corner, after = left[at - 1], left[at], left[(at + 1) % len(left)]
+        ear = points[before], points[corner], points[after]
+        work[0] -= len(bent) + _TEST
+        if _turn(*ear) > 0 and not any(_lies_in(ear, point) for point in bent.values()):
+            ears.append((before, corner, after))
+            del left[at]
+            bent.pop(corner, None)
+            at, missed = (at + 1) % len(left), 0  # not the next one, which would make a fan of slivers
+        else:
+            at, missed = (at + 1) % len(left), missed + 1
+        if missed > len(left) or work[0] < 0:
+            return None
+    return ears
+
+
+def _turn(a: Point, b: Point, c: Point) -> float:
+    """Twice the area of a triangle, positive where its corners run counterclockwise."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _lies_in(ear: tuple[Point, Point, Point], point: Point) -> bool:
+    """Whether `point` lies in a triangle or on its sides, but not in its corners: where holes are tied to an outline
+    two corners share a place."""
+    a, b, c = ear
+    return _turn(a, b, point) >= 0 and _turn(b, c, point) >= 0 and _turn(c, a, point) >= 0 and point not in ear
