@@ -8,6 +8,7 @@
     │   ├── Unreadable           truncated, corrupt, or not decodable
     │   ├── TooLarge             over a limit on bytes, pixels, files or triangles
     │   ├── InvalidGeometry      no surface, not finite, or out of range
+    │   │   └── NothingVisible   there are triangles, but all have zero area, or none is before the camera
     │   └── InvalidOption        an option that is wrong by itself or does not fit the input
     ├── BackendUnavailable       the rendering backend that was asked for can't run on this machine
     ├── ModelError               the model that was asked for, or its input, is wrong
@@ -70,6 +71,10 @@ class TooLarge(InputError):  # noqa: N818
 
 class InvalidGeometry(InputError):  # noqa: N818
     """No surface, not finite, or out of range."""
+
+
+class NothingVisible(InvalidGeometry):
+    """There are triangles, but all have zero area, or none is before the camera: at another time that may differ."""
 
 
 class InvalidOption(InputError):  # noqa: N818

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ciir.errors import InvalidGeometry, TooLarge, Unreadable
+from ciir.errors import InvalidGeometry, NothingVisible, TooLarge, Unreadable
 from ciir.renderer.copies import MAX_COPIED, place_copies
 from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.scene import Part, Scene, Texture
@@ -69,8 +69,9 @@ def assemble_scene(
 
     `light`: the unit direction towards it, `(3,)`, in the surfaces' coordinates.
 
-    Raises `InvalidGeometry` without one triangle of positive area, or with a vertex that is not finite or beyond
-    `MAX_COORDINATE`; `TooLarge` over `max_triangles`; `Unreadable` where a face refers to a vertex that doesn't exist.
+    Raises `InvalidGeometry` without a triangle, or with a vertex that is not finite or beyond `MAX_COORDINATE`;
+    `NothingVisible` without one of positive area; `TooLarge` over `max_triangles`; `Unreadable` where a face refers to
+    a vertex that doesn't exist.
     """
     total = sum(len(surface.faces) for surface in surfaces)
     check_size(name, total, sum(len(surface.vertices) for surface in surfaces), max_triangles)
@@ -82,7 +83,7 @@ def assemble_scene(
     kept = [surface for surface in checked if len(surface.faces)]
     dropped = total - sum(len(surface.faces) for surface in kept)
     if not kept:
-        raise InvalidGeometry(f"{name}: all {total:,} triangles have zero area; give a mesh with a surface")
+        raise NothingVisible(f"{name}: all {total:,} triangles have zero area; give a mesh with a surface")
     notes = list(notes)
     for what, count in unusable.items():
         notes.append(f"{count:,} vertices have a {what} that is NaN, infinite or too large: read as 0")
@@ -91,7 +92,7 @@ def assemble_scene(
     placed = (copy for surface in _add_normals(kept) for copy in _place_copies(surface, name))
     parts = [_bake_light(surface, light) for surface in placed]
     if not parts:
-        raise InvalidGeometry(f"{name}: all its copies have zero area; give a mesh with a surface")
+        raise NothingVisible(f"{name}: all its copies have zero area; give a mesh with a surface")
     return Scene(_join_parts(parts), tuple(notes))
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ciir.errors import InvalidOption
+from ciir.errors import InvalidOption, NothingVisible
 from ciir.models.single.skipping import SkipStatistics
 from ciir.renderer.framing import find_extremes, make_frame
 from ciir.renderer.writers.writer import Contents
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ciir.renderer.readers.pictures import Pixels
+    from ciir.renderer.scene import Scene
     from ciir.renderer.views import View
     from ciir.renderer.writers.writer import Writer
     from ciir.service.pipeline.options import Options
@@ -97,7 +98,7 @@ def _reconstruct_times(
     moments = [replace(options, time=(time,)) for time in times]
     with clock.stage("decode"):
         check_time_count(len(times), given.limits.views)
-        content = given.open(moments[0], options.views)
+        content = _open_first(given, moments)
     with clock.stage("plan"):
         job = resolve_job(given.name, content, options, max_views=given.limits.views, max_pixels=max_pixels)
         if len(job.wanted) > 1:
@@ -107,10 +108,17 @@ def _reconstruct_times(
             )
         plan = make_plan(job)
         check_size(job.lenses, plan.scale, count=len(times), limit=max_pixels)
-    extremes, windows, kept, size = [], [], [], 0
+    extremes, windows, size = [], [], 0
+    kept: list[Scene | None] = []
+    empty = set()  # the numbers of the times at which there is nothing to draw
     with clock.stage("decode"):
-        for moment in moments:
-            scene = given.read_mesh(moment)
+        for number, moment in enumerate(moments):
+            try:
+                scene = given.read_mesh(moment)
+            except NothingVisible:
+                empty.add(number)
+                kept.append(None)
+                continue
             size += scene.nbytes
             kept.append(scene if size <= MOST_KEPT else None)  # else it is read again
             extremes.append(find_extremes(scene, job.array, job.placement))
@@ -121,15 +129,29 @@ def _reconstruct_times(
         if progress is not None:
             progress(number, len(times))
         with clock.stage("decode"):
-            scene = kept[number] or given.read_mesh(moment)
+            scene = framed if number in empty else kept[number] or given.read_mesh(moment)
             kept[number] = None
         content = replace(scene, framed=framed)
-        reports.append(_reconstruct(given, content, options, frames, max_pixels=max_pixels, clock=clock, plan=plan))
+        report = _reconstruct(given, content, options, frames, max_pixels=max_pixels, clock=clock, plan=plan)
+        reports.append(report | {"notes": []} if number in empty else report)
     if progress is not None:
         progress(len(times), len(times))
     joined = join_reports(reports, times)
+    if empty:
+        joined["notes"].append(
+            f"time: nothing of the mesh is visible at {len(empty)} of {len(times)} times, the first "
+            f"{times[min(empty)]:g} s: the background alone is drawn"
+        )
     writer.finish(joined)
     return joined
+
+
+def _open_first(given: Input, moments: Sequence[Options]) -> Content:
+    """The mesh at the first of `moments` at which there is something to draw. Raises as `Input.open`."""
+    for moment in moments[:-1]:
+        with suppress(NothingVisible):
+            return given.open(moment, moment.views)
+    return given.open(moments[-1], moments[-1].views)
 
 
 def _reconstruct(

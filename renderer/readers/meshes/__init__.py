@@ -76,6 +76,6 @@ def read(
     except InvalidGeometry as error:
         if pose.time is None:
             raise
-        raise InvalidGeometry(f"{error}, or give another time than {pose.time:g}") from error
+        raise type(error)(f"{error}, or give another time than {pose.time:g}") from error
     except MemoryError as error:
         raise TooLarge(f"{name}: lighting it takes more memory than there is; decimate the mesh") from error

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.errors import InvalidGeometry
+from ciir.errors import NothingVisible
 from ciir.renderer.scene import Window
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def see_through(scene: Scene, lens: Lens, name: str) -> Scene:
     """A scene in a camera's coordinates with its window, without the triangles that lie wholly nearer or farther than
     the camera sees, with a note. Where its picture shows nothing all of the scene is framed, with a note.
 
-    Raises `InvalidGeometry` where all of it lies nearer or farther.
+    Raises `NothingVisible` where all of it lies nearer or farther.
     """
     parts, left_out = [], 0
     for part in scene.parts:
@@ -66,7 +66,7 @@ def see_through(scene: Scene, lens: Lens, name: str) -> Scene:
         if is_seen.any():
             parts.append(part if is_seen.all() else replace(part, faces=part.faces[is_seen]))
     if not parts:
-        raise InvalidGeometry(f"{name}: all of it lies behind the camera; give another camera, or leave it out")
+        raise NothingVisible(f"{name}: all of it lies behind the camera; give another camera, or leave it out")
     notes = scene.notes
     if left_out:
         notes += (f"{left_out:,} triangles lie behind the camera or out of its range, and are left out",)

@@ -10,7 +10,7 @@ import av
 import numpy as np
 import pytest
 
-from ciir.errors import InvalidOption, TooLarge
+from ciir.errors import InvalidOption, NothingVisible, TooLarge
 from ciir.renderer.limits import Limits
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
@@ -85,6 +85,31 @@ def test_meshes_are_kept_up_to_a_number_of_bytes_with_their_textures(monkeypatch
     monkeypatch.setattr(pipeline, "MOST_KEPT", int(2.5 * pixels.nbytes))
     run(time=tuple(n / 10 for n in range(9)))
     assert max(rendered) <= 4  # two kept, the one that is rendered, the last one read
+
+
+def grow(*, camera: bool = False) -> Bundle:
+    """The square, whose sides grow from nothing, or which comes from behind a camera, within a second."""
+    model = Model()
+    path, values = ("translation", [[0, 0, 2], [0, 0, -2]]) if camera else ("scale", [[0, 0, 0], [1, 1, 1]])
+    model.animate(0, path, [0, 1], np.array(values, np.float32))
+    if camera:
+        model.json["cameras"] = [{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}}]
+        model.json["nodes"].append({"camera": 0})
+        model.json["scenes"] = [{"nodes": [0, len(model.json["nodes"]) - 1]}]
+    return Bundle("a.glb", "a.glb", {"a.glb": model.glb()})
+
+
+@pytest.mark.parametrize("backend", ["raster", "raytrace"])
+@pytest.mark.parametrize("camera", [None, "0"])
+def test_where_nothing_is_visible_the_background_is_drawn(backend, camera):
+    source = grow(camera=camera is not None)
+    views, report = run(source, time=(0.0, 1.0, 0.0), camera=camera, backend=backend, background=(10, 20, 30))
+    is_background = [(picture == (10, 20, 30)).all() for picture in views.values()]
+    assert is_background == [True, False, True]
+    noted = "time: nothing of the mesh is visible at 2 of 3 times, the first 0 s: the background alone is drawn"
+    assert [note for note in report["notes"] if "camera" not in note] == [noted]
+    with pytest.raises(NothingVisible, match="give another time than 0"):
+        run(source, time=(0.0, 0.0), camera=camera)
 
 
 def test_too_many_pixels_are_refused_before_the_poses_are_read(monkeypatch):
