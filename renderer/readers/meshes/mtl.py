@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ciir.renderer.surface import DEFAULT_COLOR, WHITE, Color
+from ciir.renderer.surface import DEFAULT_COLOR, Color
 
 if TYPE_CHECKING:
     from ciir.renderer.readers.meshes.texture_files import Resolver
@@ -16,8 +16,6 @@ CONTINUED = re.compile(rb"\\\r?\n")
 """A line break within a line."""
 _OPTIONS = {b"-blendu": 1, b"-blendv": 1, b"-boost": 1, b"-mm": 2, b"-o": 3, b"-s": 3, b"-t": 3, b"-texres": 1,
             b"-clamp": 1, b"-bm": 1, b"-imfchan": 1, b"-type": 1, b"-cc": 1}  # fmt: skip
-_UNMOVED = {b"-o": 0.0, b"-s": 1.0}
-"""Options that move or scale a texture, and the value that changes nothing."""
 _CUTOFF = 0.5
 
 
@@ -28,6 +26,20 @@ class Material:
     color: Color = DEFAULT_COLOR
     texture: Texture | None = None
     alpha_cutoff: float | None = None
+    scale: tuple[float, float] = (1.0, 1.0)
+    """Of texture coordinates, before `offset` is added: as Blender and three.js read `-s` and `-o`."""
+    offset: tuple[float, float] = (0.0, 0.0)
+    lit: bool = True
+
+
+@dataclass(frozen=True)
+class _Map:
+    """The line of a texture."""
+
+    name: str
+    wrap: Wrap = "repeat"
+    scale: tuple[float, float] = (1.0, 1.0)
+    offset: tuple[float, float] = (0.0, 0.0)
 
 
 def parse_entries(data: bytes) -> dict[bytes, dict[bytes, bytes]]:
@@ -44,29 +56,52 @@ def parse_entries(data: bytes) -> dict[bytes, dict[bytes, bytes]]:
 
 
 def read_material(entry: dict[bytes, bytes], resolver: Resolver) -> Material:
-    """Reads a material from its lines; `resolver` gets a note of what is left out."""
-    texture, cutoff = None, None
-    if b"map_kd" in entry:
-        file_name, wrap, moved = _map(entry[b"map_kd"])
-        if moved:
-            resolver.add_note(
-                "a texture's scale or offset (-s, -o) is left out: change the texture coordinates instead"
-            )
-        masked = b"map_d" in entry and _map(entry[b"map_d"])[0] == file_name
-        texture = resolver.load_texture(file_name, opaque=not masked, wrap_u=wrap, wrap_v=wrap)
-        cutoff = _CUTOFF if masked and texture is not None else None
-    if b"map_d" in entry and cutoff is None:
-        resolver.add_note("a map of opacity is left out: the material is drawn solid")
-    if b"kd" in entry:
-        words = entry[b"kd"].split()
-        red, green, blue = (min(max(float(word), 0.0), 1.0) for word in (words * 3 if len(words) == 1 else words)[:3])
-        color = (red, green, blue, 1.0)
-    else:
-        color = WHITE if texture else DEFAULT_COLOR
-    if texture is not None and not any(color[:3]):
+    """Reads a material from its lines; `resolver` gets a note of what is left out.
+
+    One that is black but for the light that it emits has the colour and the texture of that.
+    """
+    diffuse, emitted = _read_color(entry.get(b"kd")), _read_color(entry.get(b"ke"))
+    emits = emitted is not None and any(emitted)
+    lit = not emits or b"map_kd" in entry or diffuse is None or any(diffuse)
+    if emits and lit:
+        resolver.add_note("light that a material emits is left out: its diffuse colour is drawn")
+    if not lit:
+        diffuse = emitted
+    placed = _parse_map(entry.get(b"map_kd" if lit else b"map_ke"))
+    mask = _parse_map(entry.get(b"map_d"))
+    texture, is_cut = _load_texture(placed, mask, resolver)
+    placed = placed or mask or _Map("")
+    color = diffuse or ((1.0, 1.0, 1.0) if texture else DEFAULT_COLOR[:3])
+    if texture is not None and not any(color):
         resolver.add_note("a textured material has a black Kd, as some exporters write it: taken as white")
-        color = WHITE
-    return Material((*color[:3], _read_alpha(entry)), texture, cutoff)
+        color = (1.0, 1.0, 1.0)
+    cutoff = _CUTOFF if is_cut else None
+    return Material((*color, _read_alpha(entry)), texture, cutoff, placed.scale, placed.offset, lit)
+
+
+def _load_texture(placed: _Map | None, mask: _Map | None, resolver: Resolver) -> tuple[Texture | None, bool]:
+    """The texture, and whether `mask` cuts it out."""
+    if mask is not None and placed is not None and mask.name == placed.name:
+        texture = resolver.load_texture(placed.name, opaque=False, wrap_u=placed.wrap, wrap_v=placed.wrap)
+        return texture, texture is not None
+    if mask is not None:
+        wrap = (placed or mask).wrap
+        name = None if placed is None else placed.name
+        masked = resolver.load_masked_texture(name, mask.name, wrap_u=wrap, wrap_v=wrap)
+        if masked is not None:
+            return masked, True
+    if placed is None:
+        return None, False
+    return resolver.load_texture(placed.name, opaque=True, wrap_u=placed.wrap, wrap_v=placed.wrap), False
+
+
+def _read_color(line: bytes | None) -> tuple[float, float, float] | None:
+    """Red, green and blue, or one number for all, in [0, 1]."""
+    if line is None:
+        return None
+    words = line.split()
+    red, green, blue = (min(max(float(word), 0.0), 1.0) for word in (words * 3 if len(words) == 1 else words)[:3])
+    return red, green, blue
 
 
 def _read_alpha(entry: dict[bytes, bytes]) -> float:
@@ -78,10 +113,12 @@ def _read_alpha(entry: dict[bytes, bytes]) -> float:
     return 1.0
 
 
-def _map(line: bytes) -> tuple[str, Wrap, bool]:
-    """The file name after a map's options, which may hold spaces; how the texture wraps; whether it is moved."""
+def _parse_map(line: bytes | None) -> _Map | None:
+    """A map's options, and the file name after them, which may hold spaces."""
+    if line is None:
+        return None
     wrap: Wrap = "repeat"
-    moved = False
+    moved = {b"-s": (1.0, 1.0), b"-o": (0.0, 0.0)}
     words, start = line.split(b" "), 0
     while start < len(words) and (option := words[start].lower()) in _OPTIONS:
         if option == b"-clamp" and words[start + 1 : start + 2] == [b"on"]:
@@ -89,10 +126,12 @@ def _map(line: bytes) -> tuple[str, Wrap, bool]:
         values, end = _OPTIONS[option], start + 1
         while end <= start + values and end < len(words) - 1 and (values == 1 or _is_number(words[end])):
             end += 1
-        if option in _UNMOVED:
-            moved = moved or any(float(word) != _UNMOVED[option] for word in words[start + 1 : end])
+        if option in moved:
+            given = [float(word) for word in words[start + 1 : end]]
+            u, v = (*given[:2], *moved[option][len(given) :])
+            moved[option] = u, v
         start = end
-    return decode_name(b" ".join(words[start:]).strip()), wrap, moved
+    return _Map(decode_name(b" ".join(words[start:]).strip()), wrap, moved[b"-s"], moved[b"-o"])
 
 
 def _is_number(word: bytes) -> bool:
@@ -100,7 +139,9 @@ def _is_number(word: bytes) -> bool:
 
 
 def decode_name(name: bytes) -> str:
-    """Decodes a name as UTF-8, or else as Latin-1."""
+    """Decodes a name as UTF-8, or else as Latin-1; without the quotes around it that some exporters write."""
+    if len(name) > 2 and name[:1] == name[-1:] == b'"':
+        name = name[1:-1]
     try:
         return name.decode("utf-8")
     except UnicodeDecodeError:

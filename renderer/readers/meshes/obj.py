@@ -220,6 +220,7 @@ def _group_triangles(
             material.color[3] < 1,
             material.texture is not None and lacks[1],
             lacks[2],
+            material.lit,
         )
         group_of.append(groups.setdefault(key, len(groups)))
     group = np.array(group_of, np.intp)[material_of]
@@ -258,13 +259,15 @@ def _surface(
     colors = np.array(tints, np.float32)[made_of]
     if measured:
         colors[:, :3] *= positions[used[:, 0], 3:6]
+    scales, offsets = (np.array([getattr(each, name) for each in materials]) for name in ("scale", "offset"))
     return Surface(
         vertices=positions[used[:, 0], :3],
         faces=vertex.reshape(-1, 3),
         normals=normals[used[:, 2]] if with_normals else None,
         colors=colors,
-        uv=texture_coordinates[used[:, 1]] if with_uv else None,
+        uv=texture_coordinates[used[:, 1]] * scales[made_of] + offsets[made_of] if with_uv else None,
         texture=material.texture if with_uv else None,
         alpha_cutoff=material.alpha_cutoff if with_uv else None,
         is_see_through=material.alpha_cutoff is None and material.color[3] < 1,
+        lit=material.lit,
     )

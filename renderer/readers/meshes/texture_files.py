@@ -103,6 +103,38 @@ class Resolver:
             lambda: self.find_or_note(name, "texture"), key=name, name=name, opaque=opaque, wrap_u=wrap_u, wrap_v=wrap_v
         )
 
+    def load_masked_texture(self, name: str | None, mask: str, *, wrap_u: Wrap, wrap_v: Wrap) -> Texture | None:
+        """The picture file called `name`, white without one, whose alpha is that of the picture `mask`, or its
+        brightness where it is opaque; None where one of the two can't be read.
+        """
+        key = f"{name}\0{mask}"
+        if (key, False) not in self._decoded:
+            self._decoded[key, False] = self._mask(name, mask)
+        pixels = self._decoded[key, False]
+        if pixels is None:
+            return None
+        return self._textures.setdefault((key, False, wrap_u, wrap_v), Texture(pixels, wrap_u, wrap_v))
+
+    def _mask(self, name: str | None, mask: str) -> NDArray[np.uint8] | None:
+        from PIL import Image  # the web process does without
+
+        alpha = self.load_texture(mask, opaque=False)
+        color = alpha if name is None else self.load_texture(name, opaque=True)
+        if alpha is None or color is None:
+            return None
+        height, width = color.pixels.shape[:2]
+        if height * width > self._pixels_left:
+            self.add_note(
+                f"the map of opacity {clean_text(mask)} is left out, as textures are too large; scale them down"
+            )
+            return None
+        self._pixels_left -= height * width
+        levels = alpha.pixels[..., 3 if alpha.pixels[..., 3].min() < 255 else 1]
+        fitted = Image.fromarray(np.ascontiguousarray(levels)).resize((width, height), Image.Resampling.BILINEAR)
+        pixels = np.full_like(color.pixels, 255) if name is None else color.pixels.copy()
+        pixels[..., 3] = np.asarray(fitted)
+        return pixels
+
     def decode_texture(
         self, load: Callable[[], bytes | None], *, key: str, name: str, opaque: bool, wrap_u: Wrap, wrap_v: Wrap
     ) -> Texture | None:

@@ -62,11 +62,33 @@ def test_a_texture_whose_name_has_spaces() -> None:
     assert scene.notes == ()
 
 
-@pytest.mark.parametrize("options", [b"-s 2 2 2", b"-o 0.25 0 0", b"-s 1 1 -o 0 -.5"])
-def test_a_texture_that_is_scaled_or_moved_has_a_note(options: bytes) -> None:
+@pytest.mark.parametrize(
+    ("options", "scale", "offset"),
+    [(b"-s 2 3 2", [2, 3], [0, 0]), (b"-o 0.25 0 0", [1, 1], [0.25, 0]), (b"-s 2 -o 0 -.5", [2, 1], [0, -0.5])],
+)
+def test_a_texture_that_is_scaled_and_moved(options: bytes, scale: list[float], offset: list[float]) -> None:
     scene = read(TEXTURED, {"a.mtl": b"newmtl a\nKd 1 1 1\nmap_Kd " + options + b" x.png", "x.png": PICTURE})
+    (plain,) = read(TEXTURED, {"a.mtl": b"newmtl a\nKd 1 1 1\nmap_Kd x.png", "x.png": PICTURE}).parts
+    assert scene.parts[0].uv.tolist() == (plain.uv * np.float32(scale) + np.float32(offset)).tolist()
+    assert scene.notes == ()
+
+
+def test_names_in_quotes() -> None:
+    text = TEXTURED.replace(b"a.mtl", b'"a b.mtl"')
+    scene = read(text, {"a b.mtl": b'newmtl a\nmap_Kd "x y.png"', "x y.png": PICTURE})
     assert scene.parts[0].texture is not None
-    assert scene.notes == ("a texture's scale or offset (-s, -o) is left out: change the texture coordinates instead",)
+    assert scene.notes == ()
+
+
+def test_a_material_that_only_emits_light_is_drawn_in_its_colour() -> None:
+    library = b"newmtl a\nKd 0 0 0\nKe 1 0.5 0"
+    (part,) = read(TEXTURED, {"a.mtl": library}).parts
+    assert part.colors == pytest.approx(np.tile([1, 0.5, 0, 1], (3, 1)))
+    (part,) = read(TEXTURED, {"a.mtl": library + b"\nmap_Ke x.png", "x.png": PICTURE}).parts
+    assert part.texture is not None
+    scene = read(TEXTURED, {"a.mtl": b"newmtl a\nKd 1 0 0\nKe 1 0.5 0"})
+    assert scene.parts[0].colors[:, 2].tolist() == [0] * 3
+    assert scene.notes == ("light that a material emits is left out: its diffuse colour is drawn",)
 
 
 def test_the_folders_of_another_machine_are_looked_through_by_name() -> None:
@@ -120,6 +142,28 @@ def test_map_d_of_the_same_picture_cuts_out() -> None:
     (part,) = read(TEXTURED, {"a.mtl": b"newmtl a\nmap_Kd x.png\nmap_d x.png", "x.png": PICTURE}).parts
     assert part.alpha_cutoff == 0.5
     assert part.texture.pixels[0, 0, 3] == 3
+
+
+@pytest.mark.parametrize("is_coloured", [False, True])
+@pytest.mark.parametrize("has_alpha", [False, True])
+def test_map_d_of_another_picture_cuts_out(is_coloured: bool, has_alpha: bool) -> None:
+    mask = np.zeros((4, 4, 4 if has_alpha else 1), np.uint8)
+    mask[:2, :2] = 255
+    library = b"newmtl a\nKd 1 1 1\nmap_d mask.png" + (b"\nmap_Kd x.png" if is_coloured else b"")
+    scene = read(TEXTURED, {"a.mtl": library, "mask.png": encode_png(mask), "x.png": PICTURE})
+    (part,) = scene.parts
+    assert (part.alpha_cutoff, scene.notes) == (0.5, ())
+    assert (part.texture.pixels[..., 3] > 127).tolist() == (
+        [[True, False], [False, False]] if is_coloured else (mask[..., -1] > 0).tolist()
+    )
+    assert part.texture.pixels[0, 1, 0] == (4 if is_coloured else 255)
+
+
+def test_without_the_picture_of_map_d_it_is_drawn_solid() -> None:
+    scene = read(TEXTURED, {"a.mtl": b"newmtl a\nmap_Kd x.png\nmap_d gone.png", "x.png": PICTURE})
+    assert scene.parts[0].texture is not None
+    assert scene.parts[0].alpha_cutoff is None
+    assert scene.notes == ("texture gone.png is missing and is left out; give a zip that holds it",)
 
 
 @pytest.mark.parametrize(
