@@ -30,6 +30,7 @@ DECODED = {
     "KHR_materials_transmission",
     "KHR_materials_unlit",
     "KHR_mesh_quantization",
+    "KHR_node_visibility",
     "KHR_meshopt_compression",
     "KHR_texture_basisu",
     "KHR_texture_transform",
@@ -188,7 +189,9 @@ def _check_extension(extension: str, name: str, resolver: Resolver, *, is_requir
             )
         return
     named = clean_text(extension)
-    if extension.startswith("KHR_materials_") or extension in _VIEW_INDEPENDENT:
+    if extension == "KHR_materials_variants":
+        resolver.add_note(f"{named}: the materials that are drawn are those without a variant")
+    elif extension.startswith("KHR_materials_") or extension in _VIEW_INDEPENDENT:
         resolver.add_note(f"{named} has no effect on a view-independent picture and is ignored")
     elif is_required:
         raise UnsupportedType(

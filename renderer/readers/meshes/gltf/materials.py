@@ -34,14 +34,19 @@ class Material:
         linear = np.nan_to_num(np.array(factor or (1.0, 1.0, 1.0, 1.0), np.float64))  # JSON as Python reads it has NaN
         red, green, blue = (float(value) for value in encode_srgb(linear[:3]))
         self.color = red, green, blue, float(np.clip(linear[3], 0.0, 1.0))
-        self._texture = glossy.get("diffuseTexture") if glossy else metallic.get("baseColorTexture")
-        self._transform: dict[str, Any] = (self._texture or {}).get("extensions", {}).get("KHR_texture_transform", {})
-        channel = self._transform.get("texCoord", (self._texture or {}).get("texCoord", 0))
-        self.texcoord = "" if self._texture is None else f"TEXCOORD_{channel}"
-        """The attribute that holds the texture's coordinates; empty without a texture."""
-        if any(value > 0 for value in entry.get("emissiveFactor", ())) and "KHR_materials_unlit" not in self.extensions:
-            document.resolver.add_note("light that a material emits is left out: its base colour is drawn")
+        self._take_texture(glossy.get("diffuseTexture") if glossy else metallic.get("baseColorTexture"))
         mode, self.alpha_cutoff = entry.get("alphaMode", "OPAQUE"), None
+        self.is_unlit = "KHR_materials_unlit" in self.extensions
+        emitted = np.nan_to_num(np.array(entry.get("emissiveFactor", (0.0, 0.0, 0.0)), np.float64))
+        emits = not self.is_unlit and bool((emitted > 0).any())
+        self.only_emits = emits and mode == "OPAQUE" and not any(self.color[:3])
+        """Whether it is black but for the light that it emits, whose colour and texture are then its own, unlit."""
+        if self.only_emits:
+            red, green, blue = (float(value) for value in encode_srgb(emitted))
+            self.color, self.is_unlit = (red, green, blue, self.color[3]), True
+            self._take_texture(entry.get("emissiveTexture"))
+        elif emits:
+            document.resolver.add_note("light that a material emits is left out: its base colour is drawn")
         if mode == "MASK":
             self.alpha_cutoff = min(max(float(entry.get("alphaCutoff", 0.5)), 0.0), 1.0)
         self._has_alpha = mode != "OPAQUE"
@@ -50,6 +55,13 @@ class Material:
         self.is_see_through = mode == "BLEND" or transmitted > 0
         if transmitted:
             self.color = red, green, blue, (self.color[3] if self._has_alpha else 1.0) * (1 - transmitted)
+
+    def _take_texture(self, texture: dict[str, Any] | None) -> None:
+        self._texture: Any = texture
+        self._transform: dict[str, Any] = (texture or {}).get("extensions", {}).get("KHR_texture_transform", {})
+        channel = self._transform.get("texCoord", (texture or {}).get("texCoord", 0))
+        self.texcoord = "" if texture is None else f"TEXCOORD_{channel}"
+        """The attribute that holds the texture's coordinates; empty without a texture."""
 
     def _transmitted(self) -> float:
         """The share of the light from behind that `KHR_materials_transmission` lets through, with a note."""

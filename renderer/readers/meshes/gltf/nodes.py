@@ -9,6 +9,7 @@ import numpy as np
 from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.readers.meshes.geometry import MAX_NODES
 from ciir.renderer.readers.meshes.gltf.accessors import read_accessor
+from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -27,16 +28,22 @@ def walk_nodes(
 
     `moved`: properties that replace those of nodes, as `animations.sample_nodes` finds them.
     """
-    if "scenes" in document.json:
-        roots = document.item("scenes", document.json.get("scene", 0)).get("nodes", [])
+    scenes = document.json.get("scenes")
+    if scenes:
+        number = document.json.get("scene", 0)
+        scene = document.item("scenes", number)
+        roots = scene.get("nodes", [])
+        if len(scenes) > 1:
+            titled = clean_text(str(scene.get("name", number)))[:40]
+            document.resolver.add_note(f"of {len(scenes)} scenes the file's default, {titled}, is drawn alone")
     else:
         nodes = document.json.get("nodes", [])
         children = {child for node in nodes for child in node.get("children", [])}
         roots = [index for index in range(len(nodes)) if index not in children]
-    waiting = [(index, root) for index in reversed(roots)]
+    waiting = [(index, root, True) for index in reversed(roots)]
     seen: set[int] = set()
     while waiting:
-        index, parent = waiting.pop()
+        index, parent, is_shown = waiting.pop()
         node = document.item("nodes", index)
         if index in seen:
             raise Unreadable(f"{document.name}: node {index} has two parents or is its own; export it again")
@@ -45,8 +52,11 @@ def walk_nodes(
             raise TooLarge(f"{document.name}: over {MAX_NODES:,} nodes, which is the most that is read; join them")
         node = node | moved.get(index, {})
         matrix = parent @ local_matrix(node)
+        is_shown &= node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible") is not False
+        if not is_shown:  # it may be a joint or a camera all the same
+            node.pop("mesh", None)
         yield index, node, matrix
-        waiting += [(child, matrix) for child in reversed(node.get("children", []))]
+        waiting += [(child, matrix, is_shown) for child in reversed(node.get("children", []))]
 
 
 def local_matrix(node: dict[str, Any]) -> NDArray[np.float64]:

@@ -67,12 +67,12 @@ def read_primitive(
         faces=faces,
         normals=normals,
         color=material.color,
-        colors=None if color_0 is None else to_display_colors(color_0),
+        colors=None if color_0 is None or material.only_emits else to_display_colors(color_0),
         uv=None if texture is None else uv,
         texture=texture,
         alpha_cutoff=material.alpha_cutoff,
         is_see_through=material.is_see_through,
-        lit="KHR_materials_unlit" not in material.extensions,
+        lit=not material.is_unlit,
         is_double_sided=material.is_double_sided,
     )
 

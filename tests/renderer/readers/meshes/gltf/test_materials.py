@@ -71,6 +71,18 @@ def test_materials_of_extensions(name: str, values: dict[str, object], expected:
     assert model.read().parts[0].colors[0] == pytest.approx(expected)
 
 
+def test_a_material_that_only_emits_light_has_its_colour_and_texture() -> None:
+    model = Model(TEXCOORD_0=UV, COLOR_0=np.full((4, 3), 0.25, np.float32)).texture()
+    model.material["pbrMetallicRoughness"] = {"baseColorFactor": [0, 0, 0, 1]}
+    model.material.update(emissiveFactor=[1, 1, 0], emissiveTexture={"index": 0})
+    scene = model.read()
+    (part,) = scene.parts
+    assert (part.colors.tolist(), scene.notes) == ([[1, 1, 0, 1]] * 4, ())
+    assert part.texture.pixels[..., :3].tolist() == PIXELS[..., :3].tolist()
+    model.material["alphaMode"] = "MASK"
+    assert model.read().notes == ("light that a material emits is left out: its base colour is drawn",)
+
+
 def test_light_that_a_material_emits_is_noted() -> None:
     model = Model()
     model.material["emissiveFactor"] = [0, 0, 0]
@@ -180,3 +192,9 @@ def test_quantised_texture_coordinates_with_the_transform_that_undoes_it(is_norm
     model.json["extensionsUsed"] = ["KHR_mesh_quantization", "KHR_texture_transform"]
     (part,) = model.read().parts
     assert part.uv == pytest.approx(np.stack([UV[:, 0], 1 - UV[:, 1]], axis=1), abs=1e-6)
+
+
+def test_material_variants_are_noted() -> None:
+    model = Model()
+    model.json["extensionsUsed"] = ["KHR_materials_variants"]
+    assert model.read().notes == ("KHR_materials_variants: the materials that are drawn are those without a variant",)

@@ -49,6 +49,31 @@ def test_a_mesh_may_be_placed_twice() -> None:
     assert scene.bounds().tolist() == [[0, 0, 0], [1, 1, 5]]
 
 
+def test_of_several_scenes_the_default_is_drawn_with_a_note() -> None:
+    model = Model()
+    model.json["nodes"].append({"mesh": 0, "translation": [3, 0, 0]})
+    model.json.update(scenes=[{"nodes": [0]}, {"nodes": [1], "name": "Far"}], scene=1)
+    scene = model.read()
+    assert scene.parts[0].vertices[:, 0].min() == 3
+    assert scene.notes == ("of 2 scenes the file's default, Far, is drawn alone",)
+
+
+def test_an_empty_list_of_scenes_counts_as_none() -> None:
+    model = Model()
+    model.json["scenes"] = []
+    assert model.read().triangles == 2
+
+
+def test_hidden_nodes_are_left_out_with_those_below_them() -> None:
+    model = Model()
+    hidden = {"KHR_node_visibility": {"visible": False}}
+    model.json["extensionsUsed"] = ["KHR_node_visibility"]
+    model.json["nodes"] += [{"mesh": 0, "extensions": hidden, "children": [2]}, {"mesh": 0}]
+    model.json["scenes"] = [{"nodes": [0, 1]}]
+    scene = model.read()
+    assert (scene.triangles, scene.notes) == (2, ())
+
+
 def test_without_scenes_all_roots_are_drawn() -> None:
     model = Model()
     del model.json["scenes"], model.json["scene"]
