@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ciir.errors import Unreadable
@@ -18,15 +19,21 @@ if TYPE_CHECKING:
 def find_layout(bundle: Bundle, key: str) -> QuiltLayout | None:
     """The layout of the picture `key`, from its name or the file `key.json` beside it; None where it is no quilt.
 
+    A name doesn't say that views are inverted: JSON of as many columns and rows does.
+
     Raises `InvalidOption` where a number is out of range.
     """
     named = parse_name(key)
-    if named is not None or f"{key}.json" not in bundle.files:
+    if f"{key}.json" not in bundle.files:
         return named
     try:
-        return parse_json(bundle.files[f"{key}.json"], name=clean_text(f"{key}.json"))
+        beside = parse_json(bundle.files[f"{key}.json"], name=clean_text(f"{key}.json"))
     except Unreadable:  # JSON of something else
-        return None
+        return named
+    if named is None:
+        return beside
+    is_same = (named.cols, named.rows) == (beside.cols, beside.rows)
+    return replace(named, is_inverted=is_same and beside.is_inverted)
 
 
 def read(bundle: Bundle, key: str, layout: QuiltLayout) -> LightField:

@@ -30,6 +30,15 @@ def test_the_name_or_the_json_beside_it_gives_the_layout(tmp_path, name, beside)
     assert found.notes == ("read as a quilt of 3 columns and 2 rows of views",)
 
 
+def test_json_beside_a_named_quilt_says_that_views_are_inverted(tmp_path):
+    inverted = LAYOUT.to_json().replace("false", "true")
+    found = read(write(tmp_path, "a_qs3x2a0.5.png", inverted))
+    assert np.array_equal(found.views, VIEWS[None, ::-1])
+    assert found.notes[1] == "its JSON says invertViews: the views are put from left to right"
+    other = read(write(tmp_path, "b_qs3x2a0.5.png", inverted.replace('"viewX": 3', '"viewX": 4')))
+    assert np.array_equal(other.views, VIEWS[None])
+
+
 def test_pixels_that_are_not_square_are_noted(tmp_path):
     assert "shown with the aspect 0.75: pixels are not square" in read(write(tmp_path, "a_qs3x2a0.75.png")).notes[1]
 
