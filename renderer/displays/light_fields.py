@@ -50,7 +50,8 @@ def take_row(cameras: Pixels, count: int, *, disparity: float = 0.0) -> tuple[Pi
     if total == 1:
         notes = ("one column of views has no horizontal parallax: all views of the display are the same",)
     elif total != count:
-        what = "interpolated from" if count > total else "chosen among"
+        is_chosen = count == 1 or (total - 1) % (count - 1) == 0
+        what = "chosen among" if is_chosen else "interpolated from"
         notes = (f"{count} views are {what} the {total} of the middle row",)
     if disparity:
         shifted = np.empty_like(row)

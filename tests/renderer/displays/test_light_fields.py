@@ -37,6 +37,8 @@ def test_a_row_says_where_its_views_come_from():
     assert take_row(cameras, 5)[1] == ()
     assert take_row(cameras, 9)[1] == ("9 views are interpolated from the 5 of the middle row",)
     assert take_row(cameras, 3)[1] == ("3 views are chosen among the 5 of the middle row",)
+    assert take_row(cameras, 4)[1] == ("4 views are interpolated from the 5 of the middle row",)
+    assert take_row(cameras, 1)[1] == ("1 views are chosen among the 5 of the middle row",)
     assert "no horizontal parallax" in take_row(cameras[:, :1], 4)[1][0]
 
 
