@@ -114,9 +114,10 @@ def parse_display(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pi
     `TooLarge` over `max_pixels`.
     """
     try:
-        found = tomllib.loads(data.decode())
+        found = tomllib.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:  # no UTF-8, no TOML, or a number of thousands of digits
-        raise Unreadable(f"{name}: not TOML; docs/displays.md has a file to begin with") from error
+        why = f" ({clean_text(str(error))[:100]})" if isinstance(error, tomllib.TOMLDecodeError) else ""
+        raise Unreadable(f"{name}: not TOML{why}; docs/displays.md has a file to begin with") from error
     panel, lenses, viewer = (_Table(found.pop(key, {}), key, name) for key in ("panel", "lenses", "viewer"))
     if found:
         raise InvalidOption(

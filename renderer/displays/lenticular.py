@@ -88,7 +88,7 @@ def parse_calibration(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMIT
     slope = _read(found, "slope", name, (-1e4, 1e4))
     pitch = _read(found, "pitch", name, (1e-3, 1e4))
     if not slope:
-        raise Unreadable(f"{name}: slope is 0; give the slant of the lenses, as the display holds it")
+        raise Unreadable(f"{name}: slope is 0; give the slant of the lenses, or 10000 for upright ones")
     if width * height > max_pixels:
         raise TooLarge(
             f"{name}: a screen of {width:.0f}x{height:.0f} pixels; at most {max_pixels:,} are made", "pixels"
@@ -115,10 +115,9 @@ def _read(found: dict[str, Any], key: str, name: str, span: tuple[float, float],
     value = value.get("value") if isinstance(value, dict) else value
     if isinstance(value, int | float) and span[0] <= value <= span[1]:
         return float(value)
-    raise Unreadable(
-        f"{name}: {key} is {'missing' if value is None else clean_text(str(value))[:40]}; "
-        f"give a number from {span[0]:g} to {span[1]:g}, as the display holds it"
-    )
+    found_text = clean_text(str(value))[:40]
+    what = "missing" if value is None else f"the text {found_text!r}" if isinstance(value, str) else found_text
+    raise Unreadable(f"{name}: {key} is {what}; give a number from {span[0]:g} to {span[1]:g}, as the display holds it")
 
 
 def _is_set(found: dict[str, Any], key: str, name: str) -> bool:

@@ -69,8 +69,15 @@ def test_mistakes_are_named_with_the_remedy(old, new, message):
 
 
 def test_what_is_no_toml_is_refused():
+    message = r"^d.toml: not TOML \(Invalid value \(at line 1, column 8\)\); docs/displays.md has a file to begin with$"
+    with pytest.raises(Unreadable, match=message):
+        parse("grid = square")
     with pytest.raises(Unreadable, match=r"^d.toml: not TOML; docs/displays.md has a file to begin with$"):
-        parse("[panel")
+        parse_display(b"\xff", name="d.toml")
+
+
+def test_a_byte_order_mark_is_no_error():
+    assert parse(f"\ufeff{SMALLEST}") == parse(SMALLEST)
 
 
 def test_a_panel_of_too_many_pixels_is_refused():

@@ -166,8 +166,9 @@ def test_a_pattern_of_subpixels_is_noted():
     [
         (b"{", "not JSON"),
         (b"[]", "no calibration"),
-        (b'{"screenW": 9, "screenH": 9, "DPI": "x"}', "DPI is x; give a number from 1 to 100000"),
-        (b'{"screenW": 9, "screenH": 9, "DPI": 300, "slope": 0, "pitch": 40}', "slope is 0"),
+        (b'{"screenW": 9, "screenH": 9, "DPI": "x"}', "DPI is the text 'x'; give a number from 1 to 100000"),
+        (b'{"screenW": 9, "screenH": 9, "DPI": 300, "slope": 0, "pitch": 40}', "slope is 0; give .* 10000 for"),
+        (b'{"screenW": "9"}', "screenW is the text '9'; give a number from 1 to 100000"),
         (b'{"screenW": NaN}', "screenW is nan"),
         (b'{"screenH": 9}', "screenW is missing; give a number from"),
     ],

