@@ -9,6 +9,7 @@ from ciir.errors import Unreadable
 from ciir.renderer.displays.quilt import parse_json, parse_name, split_quilt
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures
+from ciir.renderer.readers.metadata.colour_profiles import note_profile
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
@@ -37,7 +38,8 @@ def find_layout(bundle: Bundle, key: str) -> QuiltLayout | None:
 
 
 def read(bundle: Bundle, key: str, layout: QuiltLayout) -> LightField:
-    """The quilt's views, `(1, columns * rows, h, w, c)`, from the leftmost camera on.
+    """The quilt's views, `(1, columns * rows, h, w, c)`, from the leftmost camera on. A note names a colour profile
+    that is not sRGB.
 
     Raises `InvalidOption` where the picture is smaller than its layout, and what decoding it raises.
     """
@@ -52,4 +54,5 @@ def read(bundle: Bundle, key: str, layout: QuiltLayout) -> LightField:
         notes.append(
             f"views of {width}x{height} pixels are shown with the aspect {layout.aspect:.4g}: pixels are not square"
         )
+    notes += note_profile(bundle.files[key], name)
     return LightField(views[None], notes=tuple(notes), is_ordered=True, depth_sense="cameras")

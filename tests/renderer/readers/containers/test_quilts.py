@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from PIL import Image, ImageCms
 
 from ciir.errors import InvalidOption
 from ciir.renderer.displays.quilt import QuiltLayout, join_views
@@ -37,6 +38,13 @@ def test_json_beside_a_named_quilt_says_that_views_are_inverted(tmp_path):
     assert found.notes[1] == "its JSON says invertViews: the views are put from left to right"
     other = read(write(tmp_path, "b_qs3x2a0.5.png", inverted.replace('"viewX": 3', '"viewX": 4')))
     assert np.array_equal(other.views, VIEWS[None])
+
+
+def test_a_colour_profile_that_is_not_srgb_is_noted(tmp_path):
+    path = tmp_path / "a_qs3x2a0.5.png"
+    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("XYZ")).tobytes()
+    Image.fromarray(join_views(VIEWS, LAYOUT)).save(path, icc_profile=profile)
+    assert "is not sRGB and is left out; convert to sRGB first" in read(Bundle.from_path(path)).notes[-1]
 
 
 def test_pixels_that_are_not_square_are_noted(tmp_path):
