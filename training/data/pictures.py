@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from ciir.bit_depth import count_unused_bits, raise_levels
 from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers.bundle import read_file
 from ciir.renderer.readers.pictures import SUFFIXES, decode
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
     from pathlib import Path
 
 Picture = NDArray[np.uint8]
@@ -52,20 +53,42 @@ def pair_files(files: Sequence[Path]) -> list[tuple[Path, Path]]:
     return pairs
 
 
-def read_picture(path: Path) -> Picture:
+def read_picture(path: Path, *, unused: int = 0) -> Picture:
     """Reads a picture as 8-bit `(H, W, 1)` grey or `(H, W, 3)` RGB, rotated by its orientation tag.
 
-    16 bits are rounded to 8, palettes become RGB, and transparent pixels are blended with black.
+    16 bits are rounded to 8, palettes become RGB, and transparent pixels are blended with black. `unused`: how many of
+    the upper bits of 16 no picture of the set uses, as `count_unused` has it.
 
     Raises `ValueError` where it can't be read: truncated, not a picture, or CMYK.
     """
-    pixels = decode(read_file(path, DEFAULT_LIMITS), name=str(path))
+    pixels = _decode(path)
     if pixels.dtype == np.uint8 and pixels.shape[2] in (1, 3):
         return pixels.astype(np.uint8)
+    if pixels.dtype == np.uint16:
+        pixels = raise_levels(pixels, unused)
     values = pixels / np.iinfo(pixels.dtype).max
     if pixels.shape[2] in (2, 4):
         values = values[..., :-1] * values[..., -1:]
     return np.floor(values * 255 + 0.5).astype(np.uint8)
+
+
+def count_unused(files: Iterable[Path]) -> int:
+    """How many of the upper bits of 16 none of these pictures uses, as of a camera of 10 or 12 bits (`ciir.bit_depth`);
+    8-bit pictures don't count. Raises `ValueError` as `read_picture`.
+    """
+    unused: int | None = None
+    for file in files:
+        pixels = _decode(file)
+        if pixels.dtype == np.uint16:
+            bits = count_unused_bits(pixels)
+            unused = bits if unused is None else min(unused, bits)
+        if unused == 0:
+            break
+    return unused or 0
+
+
+def _decode(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    return decode(read_file(path, DEFAULT_LIMITS), name=str(path))
 
 
 def read_rgb(path: Path) -> Picture:

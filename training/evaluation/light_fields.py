@@ -18,7 +18,7 @@ from ciir.models.single.network import SingleImageNetwork
 from ciir.models.single.pixels import upscale_pixels
 from ciir.renderer.view_order.motion import measure_motion
 from ciir.training.data.light_field.views import compress_array, degrade_views, read_views
-from ciir.training.evaluation.metrics import compute_psnr, compute_ssim, rgb_to_luma
+from ciir.training.evaluation.metrics import compute_psnr, compute_ssim, convert_to_luma
 
 if TYPE_CHECKING:
     from ciir.models.upscaler import Upscaler
@@ -29,10 +29,10 @@ GRID = (5, 5)
 """Views down and across in BasicLFSR's tables."""
 PROTOCOL = (
     "Mean over the views of the central 5x5 of PSNR (dB) and SSIM of Y (ITU-R BT.601, studio range, not rounded, of "
-    "8-bit RGB) after the output is rounded to 8 bits and a border of `scale` pixels is cut; each view is upscaled "
-    "with those 5x5 alone. LR: each view made small as `data` names it, to 8 bits; bicubic as by MATLAB's imresize, "
-    "which is BasicLFSR's protocol but for the rounding and the border. SSIM: Wang et al. 2004, 11x11 Gaussian window "
-    "of sigma 1.5, valid region, K 0.01 and 0.03, L 255."
+    "8-bit RGB; grey views are their own Y) after the output is rounded to 8 bits and a border of `scale` pixels is "
+    "cut; each view is upscaled with those 5x5 alone. LR: each view made small as `data` names it, to 8 bits; bicubic "
+    "as by MATLAB's imresize, which is BasicLFSR's protocol but for the rounding and the border. SSIM: Wang et al. "
+    "2004, 11x11 Gaussian window of sigma 1.5, valid region, K 0.01 and 0.03, L 255."
 )
 
 
@@ -63,7 +63,7 @@ def measure(
     `path` and `layout` as for `training.data.light_field.views.read_views`. Each view is degraded by
     `training.data.downscale.downscale_picture` and upscaled with only the views of the grid, as `ciir reconstruct` does
     it: with a single-image fallback, in float, and restored as the sampling that is found asks for; by a single-picture
-    model view by view. Unlike BasicLFSR's, LR and output are 8-bit RGB, and a border of `scale` pixels is cut.
+    model view by view. Unlike BasicLFSR's, LR and output are 8-bit RGB or grey, and a border of `scale` pixels is cut.
 
     `jpeg`: the low-resolution views are those of an elemental image array in a JPEG of this quality
     (`training.data.light_field.views.compress_array`).
@@ -76,7 +76,7 @@ def measure(
             f"--grid {grid[0]}x{grid[1]}: {network.name} takes {MINIMUM_GRID}x{MINIMUM_GRID} views or more; give "
             "those, or another model"
         )
-    low, high = degrade_views(read_views(path, grid=grid, layout=layout), degradation, network.scale)
+    low, high = degrade_views(read_views(path, grid=grid, layout=layout, keeps_grey=True), degradation, network.scale)
     if jpeg is not None:
         low = compress_array(low, jpeg)
     views = [(v, u) for v in range(grid[0]) for u in range(grid[1])]
@@ -89,7 +89,7 @@ def measure(
             made, _ = upscale_spaced_views(network, alone, given, [view], grid, stride=stride, finds_sampling=True)
         else:
             made = upscale_pixels(network, low[view][np.newaxis])
-        got, truth = rgb_to_luma(made[0].astype(np.uint8)), rgb_to_luma(high[view])
+        got, truth = convert_to_luma(made[0].astype(np.uint8)), convert_to_luma(high[view])
         try:
             ssim = compute_ssim(got, truth, border=network.scale)
         except ValueError as error:

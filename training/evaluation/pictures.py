@@ -15,12 +15,10 @@ from ciir.models.single.network import SingleImageNetwork
 from ciir.models.single.pixels import upscale_pixels
 from ciir.training.data import pictures
 from ciir.training.data.downscale import downscale_picture
-from ciir.training.evaluation.metrics import compute_psnr, compute_ssim, rgb_to_luma
+from ciir.training.evaluation.metrics import compute_psnr, compute_ssim, convert_to_luma
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-    from numpy.typing import NDArray
 
     from ciir.models.upscaler import Upscaler
     from ciir.training.data.pictures import Picture
@@ -44,7 +42,8 @@ def score(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accurac
 
     Without a `degradation`: over its `*_LR.png` and `*_HR.png` pairs. With `bicubic`, `box` or `point`: over its
     `*_HR.png`, or else over all its pictures (see `training.data.pictures.find_pictures`), with LR made by
-    `training.data.downscale.downscale_picture`.
+    `training.data.downscale.downscale_picture`. 16-bit pictures are rounded to 8 bits, as if they used all 16
+    where none of the folder does.
 
     Raises `ValueError` where there is no pair or picture, one can't be read or is too small to be scored, or an HR
     picture is missing or not `scale` times as large as its LR.
@@ -57,7 +56,7 @@ def score(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accurac
                 f"{file}: {high.shape[0]}x{high.shape[1]} pixels, where {upscaler.name} makes "
                 f"{picture.shape[0]}x{picture.shape[1]} of its LR; name a folder of pairs at scale {upscaler.scale}"
             )
-        got, truth = _luma(picture), _luma(high)
+        got, truth = convert_to_luma(picture), convert_to_luma(high)
         psnrs.append(compute_psnr(got, truth, border=upscaler.scale))
         try:
             ssims.append(compute_ssim(got, truth, border=upscaler.scale))
@@ -97,22 +96,19 @@ def _read_pairs(folder: Path) -> Iterator[tuple[Path, Picture, Picture]]:
         raise ValueError(
             f"{folder}: no *_LR.png in it; name a folder of *_LR.png and *_HR.png pairs, or give --degradation"
         )
+    unused = pictures.count_unused(file for pair in pairs for file in pair)
     for low, high in tqdm(pairs, desc=folder.name, disable=None, unit="picture", leave=False):
-        yield high, pictures.read_picture(low), pictures.read_picture(high)
+        yield high, pictures.read_picture(low, unused=unused), pictures.read_picture(high, unused=unused)
 
 
 def _degrade_pairs(folder: Path, kind: str, scale: int) -> Iterator[tuple[Path, Picture, Picture]]:
     """Yields each HR file with the pixels of its LR, which is made here, and of HR, `(H, W, 1 or 3)`."""
     files = pictures.find_pictures(folder)
     files = [file for file in files if file.name.endswith("_HR.png")] or files
+    unused = pictures.count_unused(files)
     for file in tqdm(files, desc=folder.name, disable=None, unit="picture", leave=False):
         try:
-            low, high = downscale_picture(kind, pictures.read_picture(file), scale)
+            low, high = downscale_picture(kind, pictures.read_picture(file, unused=unused), scale)
         except ValueError as error:
             raise ValueError(f"{file}: {error}") from error
         yield file, low, high
-
-
-def _luma(picture: Picture) -> NDArray[np.float64]:
-    """Y as the published scripts compute it: grey keeps its full range (the studio range would add 1.3 dB)."""
-    return rgb_to_luma(picture) if picture.shape[2] == 3 else picture[..., 0].astype(np.float64)

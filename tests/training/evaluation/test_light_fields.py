@@ -70,6 +70,23 @@ def test_a_known_error(tmp_path, network):
     assert 0.9 < found.ssim < 1
 
 
+@pytest.mark.parametrize("network", [Nearest(2), Repeat()])
+def test_grey_views_are_their_own_luma(tmp_path, network):
+    """As grey pictures are; as three equal channels of RGB they would have 20 log10(255/219) = 1.32 dB more."""
+    views = {place: pixels[..., 0] // 2 for place, pixels in field(3, 3).items()}
+    for pixels in views.values():
+        pixels[::2, ::2] += np.uint8(4)
+    found = measure(network, save(tmp_path / "grey", views), grid=(3, 3), degradation="box").mean
+    assert found.psnr == pytest.approx(10 * np.log10(255**2 / 3), abs=1e-4)
+
+
+def test_grey_views_by_way_of_a_jpeg(tmp_path):
+    views = {place: pixels[..., 0] for place, pixels in field(3, 3).items()}
+    folder = save(tmp_path / "grey", views)
+    found = [measure(Nearest(2), folder, grid=(3, 3), degradation="box", jpeg=q).mean.psnr for q in (30, 95)]
+    assert 10 < found[0] < found[1]
+
+
 def test_views_outside_the_grid_are_ignored(tmp_path):
     network, views = Repeat(), field(5, 5)
     measure(network, save(tmp_path / "v", views), grid=(3, 3), degradation="box")

@@ -62,6 +62,23 @@ def test_a_known_error(tmp_path):
     assert 0.99 < scored.ssim < 1
 
 
+@pytest.mark.parametrize("degradation", ["", "box"])
+@pytest.mark.parametrize("bits", [8, 10, 12, 16])
+def test_pictures_of_fewer_bits_have_the_scores_of_8(tmp_path, bits, degradation):
+    """In files of 16 bits; the darker picture uses a bit less than the camera has."""
+    rng = np.random.default_rng(1)
+    for name, most in (("a", 256), ("b", 120)):
+        high = rng.integers(0, most, (24, 28), np.uint8)
+        for kind, pixels in (("HR", high), ("LR", high[::2, ::2])):
+            (tmp_path / "eight").mkdir(exist_ok=True)
+            (tmp_path / "more").mkdir(exist_ok=True)
+            save(tmp_path / "eight", f"{name}_{kind}.png", pixels)
+            save(tmp_path / "more", f"{name}_{kind}.png", pixels.astype(np.uint16) << (bits - 8))
+    eight, more = (score(Nearest(2), tmp_path / name, degradation=degradation) for name in ("eight", "more"))
+    assert more.psnr == pytest.approx(eight.psnr, abs=0.05)
+    assert more.ssim == pytest.approx(eight.ssim, abs=1e-3)
+
+
 def test_no_pairs(tmp_path):
     with pytest.raises(ValueError, match=r"no \*_LR\.png"):
         score(Nearest(2), tmp_path)

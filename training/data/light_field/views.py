@@ -26,11 +26,14 @@ LEAST = 16
 """Smallest side of a view in pixels: its low-resolution version must be large enough to be scored."""
 
 
-def read_views(path: Path, *, grid: tuple[int, int] | None = None, layout: Layout | None = None) -> NDArray[np.uint8]:
+def read_views(
+    path: Path, *, grid: tuple[int, int] | None = None, layout: Layout | None = None, keeps_grey: bool = False
+) -> NDArray[np.uint8]:
     """Reads a light field, `(V, U, H, W, 3)` 8-bit RGB, of which `grid` = (V, U) are the middle views, by default all.
 
     `path`: a folder or a zip of views, or any other light field that `ciir.open` reads. `layout`: how it lies in its
-    file, where a caller can say. 16-bit views are rounded to 8 bits, as if they used all 16 where they use fewer.
+    file, where a caller can say. `keeps_grey`: whether grey views keep their one channel; else they have three that are
+    equal. 16-bit views are rounded to 8 bits, as if they used all 16 where they use fewer.
 
     Raises `ValueError` where there is no full grid of views of one size, it is smaller than `grid`, or the views are
     smaller than `LEAST`.
@@ -67,7 +70,8 @@ def read_views(path: Path, *, grid: tuple[int, int] | None = None, layout: Layou
     views = views[top : top + down, left : left + across]
     if views.dtype == np.uint16:
         views = np.rint(raise_levels(views, count_unused_bits(views)) / 257)
-    return np.ascontiguousarray(np.broadcast_to(views, (*views.shape[:4], 3)).astype(np.uint8))
+    channels = views.shape[4] if keeps_grey else 3
+    return np.ascontiguousarray(np.broadcast_to(views, (*views.shape[:4], channels)).astype(np.uint8))
 
 
 def degrade_views(views: NDArray[np.uint8], kind: str, scale: int) -> Pair:
@@ -77,9 +81,10 @@ def degrade_views(views: NDArray[np.uint8], kind: str, scale: int) -> Pair:
 
 
 def compress_array(views: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
-    """Views `(V, U, H, W, 3)` as they are upscaled of their elemental image array in a JPEG of `quality`, 1 to 100: the
-    file's rounding is undone in part.
+    """Views `(V, U, H, W, C)`, grey or RGB, as they are upscaled of their elemental image array in a JPEG of `quality`,
+    1 to 100: the file's rounding is undone in part.
     """
-    data = encode_jpeg(LightField(views).eia().astype(np.uint8), quality)
+    array = LightField(views).eia().astype(np.uint8)
+    data = encode_jpeg(array if array.shape[2] == 3 else array[..., 0], quality)
     layout = Layout(pixels=(views.shape[0], views.shape[1]), arrangement="eia", restores_jpeg=True)
     return eia.read(data, name="array", layout=layout, limits=DEFAULT_LIMITS).views.astype(np.uint8)
