@@ -46,7 +46,9 @@ def read_aperture(
     if aperture is None or isinstance(aperture, np.ndarray):
         return check_weights(aperture, grid)
     if not isinstance(aperture, Real) or np.isnan(float(aperture)):
-        raise InvalidOption(f"aperture: {str(aperture)[:40]!r} is no number; give a radius in views, as in 1.5")
+        raise InvalidOption(
+            f"aperture: {str(aperture)[:40]!r} is no number; give a radius in views, as in 1.5, or an array of weights"
+        )
     return make_aperture(grid, float(aperture), shape)
 
 
@@ -58,5 +60,11 @@ def check_weights(weights: NDArray[Any] | None, grid: tuple[int, ...]) -> NDArra
     if weights is None:
         return np.ones(grid, np.float32)
     if weights.shape != grid or not np.isfinite(weights).all() or weights.min() < 0 or weights.max() == 0:
-        raise InvalidOption(f"weights: give {grid[0]}x{grid[1]} numbers from 0, one for each view, not all of them 0")
+        what = (
+            f"an array of shape {weights.shape}" if weights.shape != grid else "numbers below 0, not finite, or all 0"
+        )
+        raise InvalidOption(
+            f"aperture: {what} can't weigh {grid[0]}x{grid[1]} views; give {grid[0]}x{grid[1]} numbers from 0, one for "
+            "each view, not all of them 0, or a radius in views"
+        )
     return weights.astype(np.float32)

@@ -30,13 +30,13 @@ def test_what_is_no_aperture():
         make_aperture((5, 5), 0, "gauss")
     with pytest.raises(InvalidOption, match="shape: 'star' is not known; give disc, square, gauss"):
         read_aperture(None, (4, 4), "star")
-    with pytest.raises(InvalidOption, match="aperture: 'nan' is no number"):
+    with pytest.raises(InvalidOption, match=r"aperture: 'nan' is no number"):
         read_aperture(np.nan, (2, 2))
-    with pytest.raises(InvalidOption, match="aperture: 'wide' is no number"):
+    with pytest.raises(InvalidOption, match=r"aperture: 'wide' is no number"):
         read_aperture("wide", (2, 2))
 
 
 @pytest.mark.parametrize("weights", [np.ones((2, 3)), np.zeros((2, 2)), -np.ones((2, 2)), np.full((2, 2), np.nan)])
 def test_weights_that_are_none(weights):
-    with pytest.raises(InvalidOption, match="weights: give 2x2 numbers from 0"):
+    with pytest.raises(InvalidOption, match=r"aperture: .* give 2x2 numbers from 0"):
         read_aperture(weights, (2, 2))
