@@ -66,6 +66,8 @@ class Format:
     """For a text format without a signature: found in every file of it, from its first character that is no space."""
     reader: str = ""
     """`module:function` of its `MeshReader`, `PictureDecoder` or `ContainerReader`, the module relative to `folder`."""
+    remedy: str = "save it again"
+    """For content that is something else."""
     folder = "readers"
 
     @property
@@ -157,7 +159,11 @@ FORMATS: tuple[Format, ...] = (
     ContainerFormat(name="NPY", suffixes=(".npy",), signatures=(b"\x93NUMPY",), reader="arrays:read_npy"),
     ContainerFormat(name="NPZ", suffixes=(".npz",), signatures=ZIP.signatures, reader="arrays:read_npz"),
     ContainerFormat(
-        name="MAT", suffixes=(".mat",), signatures=(b"MATLAB 5.0 MAT", b"MATLAB 7.3 MAT", HDF5), reader="mat:read"
+        name="MAT",
+        suffixes=(".mat",),
+        signatures=(b"MATLAB 5.0 MAT", b"MATLAB 7.3 MAT", HDF5),
+        reader="mat:read",
+        remedy="save it with -v7 or -v7.3 (version 4 holds no light fields)",
     ),
     ContainerFormat(name="HDF5", suffixes=(".h5", ".hdf5"), signatures=(HDF5,), reader="hdf5:read"),
     ContainerFormat(
@@ -260,7 +266,7 @@ def identify(name: str, data: bytes) -> Format:
                 raise UnsupportedType(f"{clean_text(name)}: {advice}")
         what = "text" if _is_text(data) else "binary data"
         if by_name is not None:
-            raise UnsupportedType(f"{clean_text(name)}: the content is {what}, not {by_name.name}; save it again")
+            raise UnsupportedType(f"{clean_text(name)}: the content is {what}, not {by_name.name}; {by_name.remedy}")
         raise UnsupportedType(f"{clean_text(name)}: {what} of no known format; give one of {READ}")
     if by_name not in {None, by_content}:
         what = f"the suffix is of {by_name.name if by_name else ''} but the content is of {by_content.name}"

@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 import h5py
 
-from ciir.errors import InvalidOption
+from ciir.errors import InvalidOption, UnsupportedType
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.containers.hdf5_data_set import DataSet, find_shape
 from ciir.renderer.readers.containers.samples import check_array, convert_samples, find_light_field
+from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,6 +36,9 @@ WEIGHT = "the fourth channel of LF is a weight, not alpha: it is left out"
 """A note."""
 NEEDED = "a light field LF with five axes, in no group and no struct"
 """What a file must hold, for messages."""
+LOGICAL = "logical"
+"""MATLAB's class of true and false, stored as 1 and 0 of 8 bits."""
+_CLASS = "MATLAB_class"
 _MOST_NAMES = 1000
 
 
@@ -52,8 +56,14 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
         is_hci, shape = HCI_ATTRIBUTE in file.attrs, stored.shape
         # Views have more pixels than there are views: in `[c, x, y, u, v]` x comes before u. MATLAB omits a c of 1.
         is_reversed = len(shape) == 5 and 1 < shape[0] <= 4 and shape[1] > shape[3]
-        is_matlab = "MATLAB_class" in stored.handle.attrs or is_reversed
+        is_matlab = _CLASS in stored.handle.attrs or is_reversed
         return _read_matlab(stored, limits) if is_matlab and not is_hci else _read_plain(stored, limits, is_hci)
+
+
+def refuse_logical(kind: str, name: str) -> None:
+    """Raises `UnsupportedType` for MATLAB's class `logical`, whose 1 is white and would be read as nearly black."""
+    if kind == LOGICAL:
+        raise UnsupportedType(f"{name} is of class {kind}; give uint8, as in 255 * uint8(LF)")
 
 
 def leave_out_weight(views: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]]:
@@ -62,11 +72,17 @@ def leave_out_weight(views: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]
 
 
 def _read_matlab(stored: DataSet, limits: Limits) -> LightField:
+    kind = stored.handle.attrs.get(_CLASS, b"")
+    refuse_logical(kind.decode("latin-1") if isinstance(kind, bytes) else "", _name(stored))
     shape = (1, *stored.shape)[-5:]
     check_array(stored.name, shape[::-1], stored.dtype, limits)
     samples, weighted = leave_out_weight(stored.read().reshape(shape).T)
     views, notes = convert_samples(samples, stored.name)
     return LightField(views, weighted + notes, depth_sense="cameras")
+
+
+def _name(stored: DataSet) -> str:
+    return f"{stored.name}: {clean_text(stored.handle.name.lstrip('/'))}"
 
 
 def _read_plain(stored: DataSet, limits: Limits, is_hci: bool) -> LightField:

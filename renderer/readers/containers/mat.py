@@ -39,7 +39,8 @@ _CLASSES = (
 _TYPES = {"uint8": "u1", "uint16": "u2", "single": "f4", "double": "f8"}
 _STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 """Types of numbers in a file (table 1-1), which may be smaller than those of their class."""
-_COMPLEX = 0x800
+_COMPLEX, _LOGICAL = 0x800, 0x200
+"""Flags (table 1-2)."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,7 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
         raise Unreadable(f"{name}: holds two variables of one name; save each once")
     key = find_light_field({key: variable.shape for key, variable in variables.items()}, name, hdf5.NEEDED)
     found = variables[key]
+    hdf5.refuse_logical(found.kind, f"{name}: {clean_text(key)}")
     if found.kind not in _TYPES:
         raise UnsupportedType(
             f"{name}: {clean_text(key)} is of class {found.kind}; give uint8, uint16, single or double"
@@ -116,6 +118,7 @@ def _read_variable(matrix: memoryview, order: str) -> Iterator[tuple[str, Variab
     flags, sizes, key, *samples = islice(_split(matrix, order), 4)
     (number,) = struct.unpack_from(f"{order}I", flags[1])
     if 1 <= number & 0xFF <= len(_CLASSES):
-        kind = ("complex " if number & _COMPLEX else "") + _CLASSES[(number & 0xFF) - 1]
+        kind = hdf5.LOGICAL if number & _LOGICAL else _CLASSES[(number & 0xFF) - 1]
+        kind = f"complex {kind}" if number & _COMPLEX else kind
         shape = tuple(np.frombuffer(sizes[1], f"{order}i4").tolist())
         yield bytes(key[1]).decode("latin-1"), Variable(kind, shape, *(samples[0] if samples else ()))

@@ -76,10 +76,15 @@ def find_light_field(shapes: Mapping[str, Sequence[int]], name: str, remedy: str
     found = [key for key, shape in shapes.items() if len(shape) == 5]
     if len(found) == 1:
         return found[0]
-    listed = ", ".join(map(clean_text, (found or list(shapes))[:5])) or "nothing"
     if found:
+        listed = ", ".join(map(clean_text, found[:5]))
         raise Unreadable(f"{name}: {len(found)} arrays have five axes ({listed}); name the light field LF")
-    raise Unreadable(f"{name}: holds {listed}; give {remedy}")
+    listed = ", ".join(f"{clean_text(key)} {_show_shape(shapes[key])}".strip() for key in list(shapes)[:5])
+    raise Unreadable(f"{name}: holds {listed or 'nothing'}; give {remedy}")
+
+
+def _show_shape(shape: Sequence[int]) -> str:
+    return "x".join(map(str, shape))[:60]
 
 
 def check_array(name: str, shape: Sequence[int], dtype: DTypeLike, limits: Limits) -> None:
@@ -89,7 +94,7 @@ def check_array(name: str, shape: Sequence[int], dtype: DTypeLike, limits: Limit
     shape, `TooLarge` over `limits`.
     """
     dtype = np.dtype(dtype)
-    what = f"{name}: an array {'x'.join(map(str, shape))[:60]} of {str(dtype)[:40]}"
+    what = f"{name}: an array {_show_shape(shape)} of {str(dtype)[:40]}"
     if dtype.newbyteorder("=") not in (np.uint8, np.uint16, np.float16, np.float32, np.float64):
         raise UnsupportedType(f"{what}; give uint8, uint16, or floating-point numbers from 0 to 1")
     if len(shape) != 5 or min(shape) < 1 or shape[4] > 4:
@@ -120,7 +125,8 @@ def convert_samples(array: NDArray[Any], name: str) -> tuple[NDArray[Any], tuple
         low, high = float(view.min()), float(view.max())
         if not (low >= -MARGIN and high <= 1 + MARGIN):  # false for NaN, too
             found = "samples that are NaN" if np.isnan(low) else f"samples from {low:.7g} to {high:.7g}"
-            advice = "as array.clip(0, 1) has, or uint8 or uint16"
+            cleaned = "np.nan_to_num(array)" if np.isnan(low) else "array"
+            advice = f"as {cleaned}.clip(0, 1) has, or uint8 or uint16"
             if LEVELS < array.max() < np.inf:
                 advice = f"or uint8 or uint16, as in {advise_levels(array)}"
             raise Unreadable(

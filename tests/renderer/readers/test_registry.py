@@ -60,6 +60,13 @@ def test_a_text_file_is_refused() -> None:
             identify(name, b"Dear all,\nthe mesh follows tomorrow.\n")
 
 
+def test_what_matlab_and_octave_save_in_other_ways_is_to_be_saved_as_version_7() -> None:
+    version_4 = struct.pack("<5i", 50, 2, 3, 0, 3) + b"LF\0" + bytes(6)
+    for data in (version_4, b"# Created by Octave 8.4\n# name: LF\n# type: uint8 matrix\n"):
+        with pytest.raises(UnsupportedType, match=r"a\.mat: the content is .*, not MAT; save it with -v7 or -v7\.3"):
+            identify("a.mat", data)
+
+
 def test_random_bytes_are_refused() -> None:
     for name, message in (("a", "binary data of no known format"), ("a.glb", "binary data, not GLB")):
         with pytest.raises(UnsupportedType, match=message):

@@ -93,13 +93,27 @@ def test_floating_point_becomes_16_bit_with_a_note(dtype):
 
 
 @pytest.mark.parametrize(
-    ("worst", "words"), [(-0.1, "from -0.1 to "), (1.5, "to 1.5"), (np.nan, "that are NaN"), (np.inf, "to inf")]
+    ("worst", "words"),
+    [
+        (-0.1, "from -0.1 to "),
+        (1.5, "to 1.5"),
+        (np.nan, "that are NaN"),
+        (np.inf, "to inf"),
+    ],
 )
 def test_floating_point_out_of_range_is_refused(worst, words):
     array = numbered("u1") / 255
     array[1, 2, 3, 4, 0] = worst
     with pytest.raises(Unreadable, match=rf"view 1,2 has samples .*{words}.*; give floating-point numbers from 0 to 1"):
         read(saved(array))
+
+
+def test_the_remedy_for_nan_removes_it():
+    array = numbered("u1") / 255
+    array[1, 2, 3, 4, 0] = np.nan
+    with pytest.raises(Unreadable, match=r"as np\.nan_to_num\(array\)\.clip\(0, 1\) has"):
+        read(saved(array))
+    read(saved(np.nan_to_num(array).clip(0, 1)))
 
 
 @pytest.mark.parametrize(("times", "advice"), [(1, "views.round().astype('u1')"), (257, "views.round().astype('u2')")])

@@ -100,6 +100,17 @@ def test_samples_that_are_cut_off():
         read(data[:-10])
 
 
+def test_matlabs_logical_is_refused():
+    """Its 1 is white, and would be read as nearly black."""
+
+    def fill(file):
+        fill_reversed("u1", 1)(file)
+        file["LF"].attrs["MATLAB_class"] = np.bytes_("logical")
+
+    with pytest.raises(UnsupportedType, match=r"a: LF is of class logical; give uint8, as in 255 \* uint8\(LF\)"):
+        read(made(fill))
+
+
 def test_matlab_without_its_class():
     def fill(file):
         fill_reversed("u1", 3)(file)

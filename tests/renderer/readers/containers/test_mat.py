@@ -104,14 +104,16 @@ def test_lf_among_other_variables():
 @pytest.mark.parametrize(
     ("variables", "error", "message"),
     [
-        ({"a": 1, "b": "x"}, Unreadable, "holds a, b; give a light field LF"),
-        ({"scene": {"LF": np.zeros((2, 2, 4, 4, 3))}}, Unreadable, "holds scene; .* in no group and no struct"),
+        ({"a": 1, "b": "x"}, Unreadable, "holds a 1x1, b 1x1; give a light field LF"),
+        ({"scene": {"LF": np.zeros((2, 2, 4, 4, 3))}}, Unreadable, "holds scene 1x1; .* in no group and no struct"),
+        ({"LF": np.full((3, 5), "a", object)}, Unreadable, "holds LF 3x5; give a light field LF with five axes"),
         (
             {"a": np.zeros((2, 2, 4, 4, 3)), "b": np.zeros((2, 2, 4, 4, 3))},
             Unreadable,
             r"2 arrays have five axes \(a, b\); name the light field LF",
         ),
         ({"LF": np.zeros((2, 2, 4, 4, 3), np.int32)}, UnsupportedType, "LF is of class int32"),
+        ({"LF": np.ones((2, 2, 4, 4, 3), bool)}, UnsupportedType, r"LF is of class logical; .* in 255 \* uint8\(LF\)"),
         ({"LF": np.zeros((2, 2, 4, 4, 3), complex)}, UnsupportedType, "LF is of class complex double"),
         ({"LF": np.full((2, 2, 4, 4, 3), "a", object)}, UnsupportedType, "LF is of class cell"),
         ({"LF": np.zeros((2, 2, 4, 4, 5), np.uint8)}, Unreadable, "1 to 4 channels"),
