@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ciir.models import tiles
+from ciir.models.parallel import is_parallel_faster
 from ciir.models.sessions import BATCH_PIXELS, TILE_PIXELS, OnnxNetwork
 from ciir.models.upscaler import check_images, clip_output
 
@@ -35,9 +37,18 @@ class SingleImageNetwork(OnnxNetwork):
             batch_pixels=BATCH_PIXELS,
             multiple=sizes.multiple_of,
             cores=self.threads,
-            at_once=self.card.precision == "int8",
+            at_once=self._runs_in_parallel,
         )
         return clip_output(np.ascontiguousarray(result[:, :, *kept]), self.name)
+
+    def count_cores(self, pixels: int) -> int:
+        """On how many cores the tiles of one picture of so many `pixels` run."""
+        tiles_at_least = math.ceil(pixels / TILE_PIXELS)
+        return 1 if self._runs_in_parallel and is_parallel_faster(tiles_at_least, self.threads) else self.threads
+
+    @property
+    def _runs_in_parallel(self) -> bool:
+        return self.card.precision == "int8"
 
     def _run(self, images: NDArray[np.float32], cores: int) -> NDArray[np.float32]:
         return self.run({self.card.input.name: images}, cores)[0]

@@ -187,7 +187,7 @@ def _reconstruct(
     fallback = 0.0
     is_averaged = is_restored = False
     made = prefetch(make_views(views, batches), name="views")
-    opening = open_session(plan, views=len(job.wanted))
+    opening = open_session(plan, views=len(job.wanted), pixels=job.lenses[0] * job.lenses[1])
     with closing(prefetch(upscale_batches(made, upscale, opening, clock, statistics), name="upscale")) as finished:
         for places, pictures, used in finished:
             wanted = [given_as[place] for place in places]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from ciir.models import catalogue
 from ciir.models.sessions import OnnxNetwork
+from ciir.models.single.network import SingleImageNetwork
 from ciir.service.pipeline.options import NO_MODEL
 
 if TYPE_CHECKING:
@@ -17,16 +18,17 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def open_session(plan: Plan, *, views: int) -> Iterator[Callable[[], object]]:
-    """Opens the session that one view needs of `plan.model` in a thread, which ends with this context; it takes 30 to
-    100 ms. The value is a function that waits until it is open, and raises its error.
+def open_session(plan: Plan, *, views: int, pixels: int) -> Iterator[Callable[[], object]]:
+    """Opens the session that one view of so many `pixels` needs of `plan.model` in a thread, which ends with this
+    context; it takes 30 to 100 ms. The value is a function that waits until it is open, and raises its error.
 
     `views`: how many are upscaled. For several nothing is opened: they may need sessions on one core each.
     """
     load = catalogue.load_light_field_network if plan.is_light_field else catalogue.load_upscaler
     model = load(plan.model, scale=plan.scale) if views == 1 and plan.model != NO_MODEL else None
-    if not isinstance(model, OnnxNetwork) or model.is_open:
+    if not isinstance(model, OnnxNetwork):
         yield lambda: None
         return
+    cores = model.count_cores(pixels) if isinstance(model, SingleImageNetwork) else model.threads
     with ThreadPoolExecutor(1, thread_name_prefix="open") as thread:
-        yield thread.submit(model.open).result
+        yield thread.submit(model.open, cores).result
