@@ -171,7 +171,7 @@ def _reconstruct(
         plan = plan or make_plan(job)
         predicted = predict_plan(job, plan)
         views = open_source(job, plan, clock)
-        given_as = {plan.close_views.find_place(view) if plan.close_views else view: view for view in job.wanted}
+        given_as = {plan.view_windows.find_place(view) if plan.view_windows else view: view for view in job.wanted}
         batches = _schedule(job, plan, views, list(given_as))
     statistics = SkipStatistics()
     upscale: UpscaleViews | None = None
@@ -247,8 +247,8 @@ def _schedule(job: Job, plan: Plan, views: ViewSource, wanted: Sequence[View]) -
 
 def _arrange(job: Job, plan: Plan) -> Arrangement:
     """Which views lie around which; what the pictures show of it is looked at only where the model takes several."""
-    if plan.close_views is not None:
-        return Arrangement(plan.close_views.list_grid(job.grid))
+    if plan.view_windows is not None:
+        return Arrangement(plan.view_windows.list_grid(job.grid))
     return job.arrangement if plan.is_light_field else Arrangement(job.grid)
 
 

@@ -9,13 +9,13 @@ from ciir.models import catalogue, processor
 from ciir.models.light_field.windows import MINIMUM_GRID
 from ciir.service.pipeline.options import AUTO, NO_MODEL
 from ciir.service.pipeline.planning.prediction import count_rendered, predict_extra
-from ciir.service.pipeline.stages.close_views import find_close_views
+from ciir.service.pipeline.stages.view_windows import find_view_windows
 
 if TYPE_CHECKING:
     from ciir.models.catalogue import Entry
     from ciir.renderer.scene import Scene
     from ciir.service.pipeline.job import Job
-    from ciir.service.pipeline.stages.close_views import CloseViews
+    from ciir.service.pipeline.stages.view_windows import ViewWindows
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class Selection:
     """A name of the catalogue, or `none`."""
     is_light_field: bool = False
     """Whether it takes a view with those around it."""
-    close_views: CloseViews | None = None
-    """Views of a mesh that help, at a distance of their own; None where those of the lens array do."""
+    view_windows: ViewWindows | None = None
+    """Those that are rendered around a mesh's views; None where windows are of the lens array's views."""
     reasons: tuple[str, ...] = ()
     """Sentences for the report."""
     note: str = ""
@@ -59,22 +59,22 @@ def select_model(job: Job) -> Selection:
         spaced = _describe_stride(job)
         reasons = (f"{job.model}: {spaced}",) if spaced else ()
         return Selection(job.model, True, reasons=reasons, note=_describe_wrong_order(job))
-    close_views, rendered = _find_close_views(job, job.mesh, networks[job.model], networks[default])
+    view_windows, rendered = _find_view_windows(job, job.mesh, networks[job.model], networks[default])
     neighbours = count_rendered(job) - len(job.wanted)
-    if close_views is None and neighbours:
+    if view_windows is None and neighbours:
         rendered = f": views around those asked for are rendered too, {neighbours} of them"
-    return Selection(job.model, True, close_views, (f"{job.model}{rendered}",) if rendered else ())
+    return Selection(job.model, True, view_windows, (f"{job.model}{rendered}",) if rendered else ())
 
 
 def _select_automatically(job: Job, networks: dict[str, Entry]) -> Selection:
     """The model that `auto` takes, of the installed `networks` by name."""
     default, light_field = catalogue.default_name(), catalogue.light_field_default_name()
     reason, rendered = _reason_against(light_field, networks.get(light_field), job), ""
-    close_views = None
+    view_windows = None
     if not reason and job.mesh is not None:
         compared = networks[light_field], networks[default]
-        close_views, rendered = _find_close_views(job, job.mesh, *compared)
-        if close_views is None:
+        view_windows, rendered = _find_view_windows(job, job.mesh, *compared)
+        if view_windows is None:
             reason, rendered = _judge_neighbours(job, job.mesh, *compared, None)
     if reason:
         precision = _describe_precision(networks[default])
@@ -83,7 +83,7 @@ def _select_automatically(job: Job, networks: dict[str, Entry]) -> Selection:
     spaced = _describe_stride(job)
     rendered += f"; {spaced}" if spaced else ""
     why = f"model auto: {light_field}, as {_views(job)} help each other{rendered}{precision}"
-    return Selection(light_field, True, close_views, (why,), _describe_wrong_order(job))
+    return Selection(light_field, True, view_windows, (why,), _describe_wrong_order(job))
 
 
 def _describe_precision(network: Entry) -> str:
@@ -126,14 +126,14 @@ def _describe_wrong_order(job: Job) -> str:
     )
 
 
-def _find_close_views(job: Job, mesh: Scene, light_field: Entry, single: Entry) -> tuple[CloseViews | None, str]:
-    """The close views of `mesh` that help, and what they cost; None where they are too many, and for several times,
-    which are framed together after this. Nor is anything predicted for a network that can't run, whose error names the
-    remedy later.
+def _find_view_windows(job: Job, mesh: Scene, light_field: Entry, single: Entry) -> tuple[ViewWindows | None, str]:
+    """The windows of views to render around those of `mesh`, and what they cost; None where that is too much, and for
+    several times, which are framed together after this. Nor is anything predicted for a network that can't run, whose
+    error names the remedy later.
     """
     can_run = job.scale in light_field.scales and not light_field.unsupported_reason
     is_considered = can_run and job.times == 1 and job.neighbour_time > 0
-    found = find_close_views(mesh, job.array, job.placement) if is_considered else None
+    found = find_view_windows(mesh, job.array, job.placement) if is_considered else None
     if found is None:
         return None, ""
     against, rendered = _judge_neighbours(job, mesh, light_field, single, found)
@@ -141,12 +141,12 @@ def _find_close_views(job: Job, mesh: Scene, light_field: Entry, single: Entry) 
 
 
 def _judge_neighbours(
-    job: Job, mesh: Scene, light_field: Entry, single: Entry, close_views: CloseViews | None
+    job: Job, mesh: Scene, light_field: Entry, single: Entry, view_windows: ViewWindows | None
 ) -> tuple[str, str]:
     """Why the views around those of `mesh` that are wanted are not rendered for `light_field`, empty where they are;
     and what that costs, empty where there are none.
     """
-    neighbours = count_rendered(job, close_views) - len(job.wanted)
+    neighbours = count_rendered(job, view_windows) - len(job.wanted)
     if not neighbours:
         return "", ""
     if over := _count_excess(job, neighbours):
@@ -154,12 +154,12 @@ def _judge_neighbours(
     bound = 1000 * job.neighbour_time
     if not bound:
         return f"{light_field.name} would need {neighbours} more views rendered, and neighbour_time 0 allows none", ""
-    extra = predict_extra(job, mesh, light_field, single, close_views, bound=bound)
+    extra = predict_extra(job, mesh, light_field, single, view_windows, bound=bound)
     times = f"about {extra:.0f} ms more than {single.name} alone, and neighbour_time allows {bound:.0f} ms"
     if extra > bound:
         return f"{light_field.name} would need {neighbours} more views rendered around those asked for: {times}", ""
-    close = f", {close_views.spacing:.2g} times as far apart as the lens array's," if close_views else ""
-    return "", f"; {neighbours} more{close} are rendered around those asked for: {times}"
+    spacing = f", {view_windows.spacing:.2g} times as far apart as the lens array's," if view_windows else ""
+    return "", f"; {neighbours} more{spacing} are rendered around those asked for: {times}"
 
 
 def _count_excess(job: Job, neighbours: int) -> int:

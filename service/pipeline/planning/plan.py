@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ciir.models.catalogue import Entry
     from ciir.service.pipeline.job import Job
     from ciir.service.pipeline.limits import Strategy
-    from ciir.service.pipeline.stages.close_views import CloseViews
+    from ciir.service.pipeline.stages.view_windows import ViewWindows
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ class Plan:
     """Whether upscaled views are brought closer to the means that lenslets saw (`models.back_projection`)."""
     finds_sampling: bool = False
     """Whether a light-field network's views may be filtered or means (`models.light_field.sampling`)."""
-    close_views: CloseViews | None = None
-    """The views of a mesh that help a light-field network; None where they are those of the lens array."""
+    view_windows: ViewWindows | None = None
+    """Those that are rendered around a mesh's views; None where windows are of the lens array's views."""
     notes: tuple[str, ...] = ()
     """What the user should know: of the model that was selected, and of an option that changes nothing."""
 
@@ -86,7 +86,7 @@ def make_plan(job: Job) -> Plan:
         selected.is_light_field,
         restores_means,
         selected.is_light_field and job.mesh is None and job.sampling != "lenslet",
-        selected.close_views,
+        selected.view_windows,
         tuple(notes),
     )
 
@@ -130,7 +130,7 @@ def _select_strategy(job: Job) -> tuple[Strategy, str]:
         return "direct", f"direct, as {name} doesn't upscale by {job.scale}"
     if model.unsupported_reason:
         return "direct", f"direct, as {model.unsupported_reason}"
-    predicted = predict_times(job, mesh, model, rays, selected.close_views)
+    predicted = predict_times(job, mesh, model, rays, selected.view_windows)
     taken = min(predicted, key=predicted.__getitem__)
     backend = backends.predict_backend(
         job.backend, triangles=mesh.triangles, rays=rays[taken], is_see_through=mesh.is_see_through
@@ -138,7 +138,7 @@ def _select_strategy(job: Job) -> tuple[Strategy, str]:
     if backend == "raster" and not backends.is_backend_open("raster"):
         with suppress(BackendUnavailable):  # `predict_backend` then takes rays
             backends.open_backend("raster")
-        predicted = predict_times(job, mesh, model, rays, selected.close_views)
+        predicted = predict_times(job, mesh, model, rays, selected.view_windows)
         taken = min(predicted, key=predicted.__getitem__)
     names = {"upscale": f"upscale by {name}", "direct": "direct"}
     (other,) = predicted.keys() - {taken}

@@ -25,26 +25,26 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.limits import Strategy
     from ciir.service.pipeline.planning.cost import Costs
     from ciir.service.pipeline.planning.plan import Plan
-    from ciir.service.pipeline.stages.close_views import CloseViews
+    from ciir.service.pipeline.stages.view_windows import ViewWindows
 
 UNSURE = 3.0
 """Within this factor of a bound, typical costs don't decide, and this machine is measured."""
 
 
-def count_rendered(job: Job, close_views: CloseViews | None = None) -> int:
+def count_rendered(job: Job, view_windows: ViewWindows | None = None) -> int:
     """How many views a light-field network needs of a mesh: those that are wanted and those around them."""
-    if close_views is None:
+    if view_windows is None:
         return len(list_required_views(job.wanted, job.grid))
-    return len(list_required_views([*map(close_views.find_place, job.wanted)], close_views.list_grid(job.grid)))
+    return len(list_required_views([*map(view_windows.find_place, job.wanted)], view_windows.list_grid(job.grid)))
 
 
 def predict_times(
-    job: Job, mesh: Scene, model: Entry, rays: dict[Strategy, int], close_views: CloseViews | None
+    job: Job, mesh: Scene, model: Entry, rays: dict[Strategy, int], view_windows: ViewWindows | None
 ) -> dict[Strategy, float]:
     """Milliseconds from the mesh to encoded views for each strategy, with so many rays for each view."""
     costs, wanted = cost.costs(), len(job.wanted)
     return {
-        "upscale": _predict_with_model(job, mesh, model, rays["upscale"], costs=costs, close_views=close_views),
+        "upscale": _predict_with_model(job, mesh, model, rays["upscale"], costs=costs, view_windows=view_windows),
         "direct": _total(job, [_predict_rendering(job, mesh, rays["direct"], wanted, costs)], job.scale),
     }
 
@@ -57,7 +57,7 @@ def predict_plan(job: Job, plan: Plan) -> float:
     stages: list[cost.Stage] = []
     if job.mesh is not None:
         side = plan.samples * (plan.scale if plan.strategy == "direct" else 1)
-        rendered = count_rendered(job, plan.close_views) if plan.is_light_field else wanted
+        rendered = count_rendered(job, plan.view_windows) if plan.is_light_field else wanted
         stages.append(_predict_rendering(job, job.mesh, pixels * side**2, rendered, costs))
     if plan.model != NO_MODEL:
         model = catalogue.get_entry(plan.model)
@@ -66,7 +66,7 @@ def predict_plan(job: Job, plan: Plan) -> float:
 
 
 def predict_extra(
-    job: Job, mesh: Scene, light_field: Entry, single: Entry, close_views: CloseViews | None = None, *, bound: float
+    job: Job, mesh: Scene, light_field: Entry, single: Entry, view_windows: ViewWindows | None, *, bound: float
 ) -> float:
     """Milliseconds that the views of `mesh` take longer by the network `light_field`, the views around them rendered,
     than by `single`. Typical costs are taken where they leave no question whether that is over `bound` milliseconds:
@@ -77,7 +77,7 @@ def predict_extra(
     for measure in (False, True):
         costs = cost.costs(measure=measure)
         taken = (
-            _predict_with_model(job, mesh, model, rays, costs=costs, close_views=close_views)
+            _predict_with_model(job, mesh, model, rays, costs=costs, view_windows=view_windows)
             for model in (light_field, single)
         )
         extra = next(taken) - next(taken)
@@ -87,10 +87,10 @@ def predict_extra(
 
 
 def _predict_with_model(
-    job: Job, mesh: Scene, model: Entry, rays: int, *, costs: Costs, close_views: CloseViews | None
+    job: Job, mesh: Scene, model: Entry, rays: int, *, costs: Costs, view_windows: ViewWindows | None
 ) -> float:
     """Milliseconds of the job where `model` upscales its views."""
-    rendered = count_rendered(job, close_views) if model.is_light_field else len(job.wanted)
+    rendered = count_rendered(job, view_windows) if model.is_light_field else len(job.wanted)
     upscaling = _predict_upscaling(job, model, costs)
     return _total(job, [_predict_rendering(job, mesh, rays, rendered, costs), upscaling], job.scale)
 

@@ -42,7 +42,7 @@ class MeshViews:
     def __init__(self, mesh: Scene, job: Job, plan: Plan, clock: Clock) -> None:
         self._mesh, self._job, self._plan, self._clock = mesh, job, plan, clock
         self._array = job.array.refine(plan.scale) if plan.strategy == "direct" else job.array
-        self._views_array = plan.close_views.refine(self._array) if plan.close_views else self._array
+        self._views_array = plan.view_windows.refine(self._array) if plan.view_windows else self._array
         check_view_samples(self._array, plan.samples, plan.strategy)
         self.samples = self._array.rows * self._array.cols * plan.samples**2
         """Points of the mesh that are sampled for a view."""
@@ -67,8 +67,8 @@ class MeshViews:
             self._placed = self._mesh.transform(self._matrix)
 
     def make_views(self, views: Sequence[View]) -> Iterator[NDArray[Any]]:
-        """Renders each view, `(rows, cols, 3)` 8 bit; with the plan `direct` `scale` times as large. With close views
-        `views` are places in their grid.
+        """Renders each view, `(rows, cols, 3)` 8 bit; with the plan `direct` `scale` times as large. Where the plan has
+        view windows, `views` are places in their grid.
         """
         scene, samples = self._placed, self._plan.samples
         if self._job.skip:

@@ -10,7 +10,7 @@ from ciir.service.pipeline.job import resolve_job
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.planning import model_selection
 from ciir.service.pipeline.planning.model_selection import select_model
-from ciir.service.pipeline.stages.close_views import CloseViews
+from ciir.service.pipeline.stages.view_windows import ViewWindows
 from tests.support.light_fields import make_views, put_in
 from tests.support.pipeline import make_light_field_job, make_mesh_job
 
@@ -72,11 +72,11 @@ def extra(monkeypatch):
 
 
 @pytest.fixture(autouse=True)
-def close_views(monkeypatch):
+def view_windows(monkeypatch):
     """Sets the views of a mesh that help, at first those of the lens array."""
 
     def put(found):
-        monkeypatch.setattr(model_selection, "find_close_views", lambda *_: found)
+        monkeypatch.setattr(model_selection, "find_view_windows", lambda *_: found)
 
     put(None)
     return put
@@ -136,34 +136,34 @@ def test_a_light_field_network_that_is_named_has_the_views_around_rendered(stand
 
 
 @pytest.mark.parametrize("model", ["auto", LIGHT_FIELD_DEFAULT])
-def test_close_views_are_rendered_where_that_takes_no_longer_than_the_neighbour_time(
-    stand_in, extra, close_views, model
+def test_view_windows_are_rendered_where_that_takes_no_longer_than_the_neighbour_time(
+    stand_in, extra, view_windows, model
 ):
-    close_views(CloseViews(0.25))
+    view_windows(ViewWindows(0.25))
     extra(700.0)
     choice = mesh(model, wanted=[(0, 0), (3, 4)])
-    assert choice.close_views == CloseViews(0.25)
+    assert choice.view_windows == ViewWindows(0.25)
     assert "48 more, 0.25 times as far apart as the lens array's, are rendered around those asked" in choice.reasons[0]
-    assert mesh(model, wanted=[(0, 0)], neighbour_time=0.6).close_views is None
-    assert mesh(model, neighbour_time=0.0).close_views is None
+    assert mesh(model, wanted=[(0, 0)], neighbour_time=0.6).view_windows is None
+    assert mesh(model, neighbour_time=0.0).view_windows is None
     assert mesh(model, neighbour_time=0.0).is_light_field  # all are wanted, and help each other
-    assert pictures(model).close_views is None
+    assert pictures(model).view_windows is None
 
 
-def test_no_close_views_for_another_scale_and_for_several_times(stand_in, extra, close_views):
-    close_views(CloseViews(0.25))
+def test_no_view_windows_for_another_scale_and_for_several_times(stand_in, extra, view_windows):
+    view_windows(ViewWindows(0.25))
     extra(0.0)
-    assert mesh(LIGHT_FIELD_DEFAULT, scale=3).close_views is None  # whose loading says what it upscales by
-    assert mesh(LIGHT_FIELD_DEFAULT, wanted=[(0, 0)], time=(0.0, 1.0)).close_views is None
-    assert mesh(LIGHT_FIELD_DEFAULT, wanted=[(0, 0)]).close_views is not None
+    assert mesh(LIGHT_FIELD_DEFAULT, scale=3).view_windows is None  # whose loading says what it upscales by
+    assert mesh(LIGHT_FIELD_DEFAULT, wanted=[(0, 0)], time=(0.0, 1.0)).view_windows is None
+    assert mesh(LIGHT_FIELD_DEFAULT, wanted=[(0, 0)]).view_windows is not None
 
 
-def test_close_views_keep_to_the_limit_on_samples(stand_in, extra, close_views):
-    close_views(CloseViews(0.5))
+def test_view_windows_keep_to_the_limit_on_samples(stand_in, extra, view_windows):
+    view_windows(ViewWindows(0.5))
     extra(0.0)
     limit = {"lenses": (10, 10), "max_pixels": 10_000}  # the 4x5 views alone are 2,000
-    assert (mesh(**limit).is_light_field, mesh(**limit).close_views) == (True, None)
-    assert mesh(**limit | {"max_pixels": 100_000}).close_views == CloseViews(0.5)
+    assert (mesh(**limit).is_light_field, mesh(**limit).view_windows) == (True, None)
+    assert mesh(**limit | {"max_pixels": 100_000}).view_windows == ViewWindows(0.5)
 
 
 def test_other_models_are_taken_at_their_word(stand_in):

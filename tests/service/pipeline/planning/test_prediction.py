@@ -165,7 +165,7 @@ def test_what_a_light_field_network_costs_more_is_measured_only_where_it_is_clos
     monkeypatch.setattr(cost, "costs", lambda *, measure=True: asked.append(measure) or (here if measure else typical))
     job = make_mesh_job(backend="raytrace")
     networks = {entry.name: entry for entry in catalogue.list_entries()}
-    extra = prediction.predict_extra(job, job.mesh, networks["field"], networks["fast"], bound=bound)
+    extra = prediction.predict_extra(job, job.mesh, networks["field"], networks["fast"], None, bound=bound)
     assert extra == pytest.approx(24.0)  # 24 views of 10,000 rays; the networks cost the same here
     assert asked == measured
 

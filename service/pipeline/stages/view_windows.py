@@ -1,9 +1,9 @@
-"""Views of a mesh that only help a light-field network, at the distance from the view that they help which suits it.
+"""Windows of views that are rendered around each view of a mesh for a light-field network, with the spacing that suits.
 
 What a network gains from other views are samples between those of the wanted one. Views of a lens array are often
 further apart than that needs: then they see around the object, and its outline is drawn too wide. Of a shallow object,
-or before few lenses, they are too close to differ. Of a mesh any view can be rendered, so each view of the array gets
-a window of its own.
+or before few lenses, they are too close to differ. Any view of a mesh can be rendered, so windows needn't consist of
+the array's views.
 """
 
 from __future__ import annotations
@@ -55,11 +55,11 @@ class WindowArray(LensArray):
 
 
 @dataclass(frozen=True)
-class CloseViews:
-    """The grid of views in which each of a lens array is in the middle of a window of its own."""
+class ViewWindows:
+    """A grid of views in which each view of a lens array is in the middle of a window of its own."""
 
     spacing: float
-    """Between neighbouring views of a window, in that of the array's."""
+    """The distance between neighbouring views of a window, relative to that of the array's views."""
 
     def list_grid(self, grid: View) -> View:
         """Rows and columns of the grid for an array of `grid` views."""
@@ -77,9 +77,9 @@ class CloseViews:
         return WindowArray(**kept | {"pixels_v": rows, "pixels_u": cols}, spacing=self.spacing)
 
 
-def find_close_views(mesh: Scene, array: LensArray, placement: Placement) -> CloseViews | None:
-    """The views that help best, no further apart than that the array's views hold a window; None where the mesh's
-    bounds are not what is framed, so that what is seen isn't known, and where the grid would be out of range.
+def find_view_windows(mesh: Scene, array: LensArray, placement: Placement) -> ViewWindows | None:
+    """The windows that help best, none wider than the array's range of views; None where the mesh's bounds are not what
+    is framed, so that what is seen isn't known, and where the grid would be out of range.
     """
     if mesh.window is not None or placement.fit == "none":
         return None
@@ -88,7 +88,7 @@ def find_close_views(mesh: Scene, array: LensArray, placement: Placement) -> Clo
     corners = np.array(list(product(*zip(low, high, strict=True), (1.0,))))
     moved = float(np.abs(corners @ matrix[2]).max()) * array.delta / array.pitch
     most = max(1.0, (min(array.pixels_v, array.pixels_u) - 1) / (WINDOW_SIDE - 1))
-    found = CloseViews(max(LEAST, most if moved * most <= MOVED else MOVED / moved))
+    found = ViewWindows(max(LEAST, most if moved * most <= MOVED else MOVED / moved))
     try:
         found.refine(array)
     except InvalidOption:

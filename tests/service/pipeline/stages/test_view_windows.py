@@ -1,4 +1,4 @@
-"""Views of a mesh that only help: where they lie, and what they gain."""
+"""Windows of views that are rendered around those of a mesh: where the views lie, and what they gain."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ from ciir.renderer.lens_array import LensArray
 from ciir.renderer.placement import Placement
 from ciir.renderer.scene import Window
 from ciir.renderer.scenes import load_scene
-from ciir.service.pipeline.stages.close_views import LEAST, MOVED, CloseViews, find_close_views
+from ciir.service.pipeline.stages.view_windows import LEAST, MOVED, ViewWindows, find_view_windows
 from tests.support.pipeline import run
 
 COUNTS = st.integers(1, 20)
@@ -21,11 +21,11 @@ COUNTS = st.integers(1, 20)
 @settings(max_examples=60)
 @given(counts=st.tuples(COUNTS, COUNTS), spacing=st.floats(LEAST, 4), share=st.tuples(st.floats(0, 1), st.floats(0, 1)))
 def test_views_of_the_array_keep_their_directions_in_the_middle_of_a_window(counts, spacing, share):
-    array, close = LensArray(4, 4, *counts, delta=0.02), CloseViews(spacing)
-    refined = close.refine(array)
-    assert (refined.pixels_v, refined.pixels_u) == close.list_grid(counts)
+    array, windows = LensArray(4, 4, *counts, delta=0.02), ViewWindows(spacing)
+    refined = windows.refine(array)
+    assert (refined.pixels_v, refined.pixels_u) == windows.list_grid(counts)
     v, u = (min(int(part * count), count - 1) for part, count in zip(share, counts, strict=True))
-    window = list_window(close.find_place((v, u)), close.list_grid(counts))
+    window = list_window(windows.find_place((v, u)), windows.list_grid(counts))
     assert [offset for _, offset in window] == [(row, column) for row in range(-2, 3) for column in range(-2, 3)]
     tx, ty = array.tangent_x()[u], array.tangent_y()[v]
     for (row, column), (down, right) in window:
@@ -37,7 +37,7 @@ def test_views_of_the_array_keep_their_directions_in_the_middle_of_a_window(coun
 @pytest.mark.parametrize("place", [-1.0, 0.0, 1.0])
 def test_the_farthest_content_moves_by_what_is_best_within_the_range_of_the_array(lenses, place):
     mesh, array = load_scene("vase"), LensArray(lenses, lenses, 15, 15)
-    spacing = find_close_views(mesh, array, Placement(place=place)).spacing
+    spacing = find_view_windows(mesh, array, Placement(place=place)).spacing
     depth = np.abs(mesh.transform(_frame(mesh, array, place)).bounds()[:, 2]).max()
     own = depth * array.delta / array.pitch
     assert own * spacing == pytest.approx(min(3.5 * own, MOVED))  # 3.5: four steps reach from one side to the other
@@ -47,17 +47,17 @@ def test_a_shallow_object_has_the_whole_range():
     mesh = load_scene("vase")
     flat = mesh.transform(np.diag([1.0, 1.0, 0.0, 1.0]))
     for pixels, spacing in (((15, 15), 3.5), ((9, 15), 2.0), ((3, 3), 1.0)):
-        assert find_close_views(flat, LensArray(50, 50, *pixels), Placement(place=0.0)) == CloseViews(spacing)
+        assert find_view_windows(flat, LensArray(50, 50, *pixels), Placement(place=0.0)) == ViewWindows(spacing)
 
 
 def test_the_views_of_the_array_help_where_what_is_seen_is_not_known():
     mesh, array = load_scene("vase"), LensArray(200, 200, 15, 15)
-    assert find_close_views(mesh, array, Placement()).spacing == pytest.approx(0.23, abs=0.01)
-    assert find_close_views(mesh, array, Placement(fit="none")) is None
+    assert find_view_windows(mesh, array, Placement()).spacing == pytest.approx(0.23, abs=0.01)
+    assert find_view_windows(mesh, array, Placement(fit="none")) is None
     window = Window(nearest=1.0, distance=2.0, farthest=3.0, half_height=1.0, half_width=None)
-    assert find_close_views(replace(mesh, window=window), array, Placement()) is None
+    assert find_view_windows(replace(mesh, window=window), array, Placement()) is None
     wide = LensArray(200, 200, 3, 60_000, delta=0.03)
-    assert find_close_views(mesh, wide, Placement()) is None  # more directions than an array may have
+    assert find_view_windows(mesh, wide, Placement()) is None  # more directions than an array may have
 
 
 def _frame(mesh, array, place):
