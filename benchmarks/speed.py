@@ -29,6 +29,7 @@ from ciir.benchmarks.machine import describe
 from ciir.cores import count_available_cores
 from ciir.models import catalogue
 from ciir.models.light_field.strides import choose_stride, list_spaced_views, upscale_spaced_views
+from ciir.models.light_field.views import upscale_views
 from ciir.models.sessions import open_session
 from ciir.models.single.pixels import upscale_pixels
 from ciir.renderer.backends import open_backend
@@ -186,7 +187,8 @@ def make_work(views: NDArray[Any], count: int) -> Work:
     wanted = [(grid[0] // 2, grid[1] // 2 + number) for number in range(count)]
     stride = choose_stride(measure_motion(views), grid)
     pictures = {view: np.ascontiguousarray(views[view]) for view in list_spaced_views(wanted, grid, stride)}
-    return partial(upscale_spaced_views, network, fallback, pictures, wanted, grid, stride=stride, finds_sampling=True)
+    upscale = partial(upscale_views, network, fallback, finds_sampling=True)
+    return partial(upscale_spaced_views, upscale, pictures, wanted, grid, stride)
 
 
 def upscale_array(source: Bundle, options: Options) -> NDArray[np.uint8]:

@@ -27,14 +27,14 @@ gains -0.04 to 0.5 dB over the network, 0.16 in the mean. Shares by the network'
 
 
 class Finishing(NamedTuple):
-    """How views were finished after the light-field network."""
+    """How a view was finished after the light-field network."""
 
     fallback: float = 0.0
-    """Share of all pixels that come mostly from the single-image fallback, because confidence is low."""
+    """Share of pixels that come mostly from the single-image fallback, because confidence is low."""
     is_averaged: bool = False
-    """Whether some view, which was filtered, is the mean of both networks."""
+    """Whether the view, which was filtered, is the mean of both networks."""
     is_restored: bool = False
-    """Whether some view was brought closer to what was seen."""
+    """Whether the view was brought closer to what was seen."""
 
 
 def finish_view(

@@ -4,22 +4,17 @@ help more. Such views form a light field of their own, which has its own border.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
-from ciir.models.light_field.finishing import Finishing
-from ciir.models.light_field.views import list_required_views, upscale_views
+from ciir.models.light_field.views import join_groups, list_required_views
 from ciir.models.light_field.windows import WINDOW_SIDE
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from ciir.models.light_field.disparity import Pixels
-    from ciir.models.light_field.network import LightFieldNetwork
+    from ciir.models.light_field.finishing import Finishing
     from ciir.models.light_field.windows import View
-    from ciir.models.single.skipping import SkipStatistics
-    from ciir.models.upscaler import Upscaler
 
 MOVED = 0.72
 """Pixels that content may move by from one view of a window to the next: docs/experiments.md."""
@@ -62,24 +57,19 @@ def list_spaced_views(wanted: Sequence[View], grid: tuple[int, int], stride: int
 
 
 def upscale_spaced_views(
-    network: LightFieldNetwork,
-    fallback: Upscaler,
+    upscale: Callable[[Mapping[View, Pixels], Sequence[View], tuple[int, int]], tuple[Pixels, list[Finishing]]],
     views: Mapping[View, Pixels],
     wanted: Sequence[View],
     grid: tuple[int, int],
-    *,
     stride: int,
-    skip: bool = True,
-    statistics: SkipStatistics | None = None,
-    finds_sampling: bool = False,
-) -> tuple[Pixels, Finishing]:
-    """`models.light_field.views.upscale_views` with windows of every `stride`-th view; `views`: at least those of
-    `list_spaced_views`.
+) -> tuple[Pixels, list[Finishing]]:
+    """Upscales with windows of every `stride`-th view by `upscale`: `models.light_field.views.upscale_views` with the
+    models set. `views`: at least those of `list_spaced_views`.
     """
     by_part: dict[_Part, list[int]] = {}
     for number, view in enumerate(wanted):
         by_part.setdefault(_find_part(view, grid, stride)[0], []).append(number)
-    made, total = [], Finishing()
+    made = []
     for part, numbers in by_part.items():
         inside = {}
         for view, picture in views.items():
@@ -87,23 +77,5 @@ def upscale_spaced_views(
             if own == part:
                 inside[place] = picture
         places = [_find_part(wanted[number], grid, stride)[1] for number in numbers]
-        pictures, used = upscale_views(
-            network,
-            fallback,
-            inside,
-            places,
-            part.grid,
-            skip=skip,
-            statistics=statistics,
-            finds_sampling=finds_sampling,
-        )
-        made.append(pictures)
-        total = Finishing(
-            total.fallback + used.fallback * len(numbers) / len(wanted),
-            total.is_averaged or used.is_averaged,
-            total.is_restored or used.is_restored,
-        )
-    if len(made) == 1:
-        return made[0], total
-    order = np.argsort(np.concatenate([*by_part.values()]))
-    return cast("Pixels", np.concatenate(made)[order]), total
+        made.append(upscale(inside, places, part.grid))
+    return join_groups(list(by_part.values()), made)

@@ -60,7 +60,7 @@ def upscale_views(
     skip: bool = True,
     statistics: SkipStatistics | None = None,
     finds_sampling: bool = False,
-) -> tuple[Pixels, Finishing]:
+) -> tuple[Pixels, list[Finishing]]:
     """Upscales the views `wanted` of a light field of `grid` = (V, U) views, each with the help of its window.
 
     `views`: (v, u) -> `(H, W, C)`, grey or RGB, 8 or 16 bit, all of one shape and type; at least those of
@@ -69,7 +69,7 @@ def upscale_views(
     to it. `finds_sampling`: whether to find how views were sampled, and to finish them accordingly.
 
     Returns `(len(wanted), scale*H, scale*W, C)` of the same type, rounded to nearest, grey as the mean of three
-    channels; and how they were finished.
+    channels; and how each was finished.
 
     The fallback is used where the network has low confidence, because the views around don't match: another scene,
     noise, or disparities beyond the network's planes (`models.light_field.finishing`). Where content moves by more than
@@ -88,23 +88,25 @@ def upscale_views(
     by_bits: dict[int, list[int]] = {}
     for number, view in enumerate(wanted):
         by_bits.setdefault(min(bits[other] for other, _ in list_window(view, grid)), []).append(number)
-    parts, made = [], []
+    made = []
     for unused, numbers in by_bits.items():
         some = [wanted[number] for number in numbers]
         raised = {view: raise_levels(views[view], unused) for view in list_required_views(some, grid)}
         job = _Job(network, raised, grid, skip, statistics)
-        pictures, others = _upscale_repeated(job, fallback, some, finds_sampling)
-        parts.append(lower_levels(pictures, unused))
-        made += others
-    total = Finishing(
-        float(np.mean([each.fallback for each in made])),
-        any(each.is_averaged for each in made),
-        any(each.is_restored for each in made),
-    )
-    if len(parts) == 1:
-        return parts[0], total
-    order = np.argsort(np.concatenate([*by_bits.values()]))
-    return np.concatenate(parts)[order], total
+        pictures, finished = _upscale_repeated(job, fallback, some, finds_sampling)
+        made.append((lower_levels(pictures, unused), finished))
+    return join_groups(list(by_bits.values()), made)
+
+
+def join_groups(
+    groups: Sequence[Sequence[int]], made: Sequence[tuple[Pixels, list[Finishing]]]
+) -> tuple[Pixels, list[Finishing]]:
+    """The results of `upscale_views` for views in `groups` of their numbers, in the order of the numbers."""
+    if len(groups) == 1:
+        return made[0]
+    order = np.argsort(np.concatenate(groups))
+    finished = [each for _, some in made for each in some]
+    return np.concatenate([pictures for pictures, _ in made])[order], [finished[place] for place in order]
 
 
 class _Job(NamedTuple):

@@ -36,6 +36,7 @@ from ciir.service.pipeline.stages.view_sources import open_source
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from ciir.models.light_field.finishing import Finishing
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.scene import Scene
     from ciir.renderer.views import View
@@ -184,16 +185,13 @@ def _reconstruct(
     views.open()
 
     written: list[dict[str, Any]] = []
-    fallback = 0.0
-    is_averaged = is_restored = False
+    finished: list[Finishing] = []
     made = prefetch(make_views(views, batches), name="views")
     opening = open_session(plan, views=len(job.wanted), pixels=job.lenses[0] * job.lenses[1])
-    with closing(prefetch(upscale_batches(made, upscale, opening, clock, statistics), name="upscale")) as finished:
-        for places, pictures, used in finished:
+    with closing(prefetch(upscale_batches(made, upscale, opening, clock, statistics), name="upscale")) as upscaled:
+        for places, pictures, some in upscaled:
             wanted = [given_as[place] for place in places]
-            fallback += used.fallback * len(wanted) / len(job.wanted)
-            is_averaged |= used.is_averaged
-            is_restored |= used.is_restored
+            finished += some
             with clock.stage("encode"):
                 for view, picture in zip(wanted, pictures, strict=True):
                     height, width = picture.shape[:2]
@@ -220,7 +218,7 @@ def _reconstruct(
             "reasons": [
                 *plan.reasons,
                 *described["reasons"],
-                *sampling_reasons(plan.model, is_averaged=is_averaged, is_restored=is_restored),
+                *sampling_reasons(plan.model, finished),
                 *skip_reasons(skipped),
             ],
             "skipped": skipped,
@@ -228,7 +226,7 @@ def _reconstruct(
         },
         "model": describe_model(plan.model, plan.scale) if upscale is not None else None,
         "options": options.as_dict(RECONSTRUCTION),
-        "notes": [*described["notes"], *plan.notes, *fallback_notes(plan.model, fallback)],
+        "notes": [*described["notes"], *plan.notes, *fallback_notes(plan.model, finished)],
         "timings_ms": clock.timings_ms(),
         "versions": find_versions(*described["packages"], *(("onnxruntime",) if upscale is not None else ())),
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,6 +14,7 @@ from ciir.models import cards, catalogue
 from ciir.models.cards import Accuracy
 from ciir.models.light_field.network import LightFieldNetwork
 from ciir.models.light_field.strides import choose_stride, upscale_spaced_views
+from ciir.models.light_field.views import upscale_views
 from ciir.models.light_field.windows import MINIMUM_GRID
 from ciir.models.single.network import SingleImageNetwork
 from ciir.models.single.pixels import upscale_pixels
@@ -86,7 +88,8 @@ def measure(
     for view in tqdm(views, desc=path.name, disable=None, unit="view", leave=False):
         if isinstance(network, LightFieldNetwork):
             alone = catalogue.load_upscaler(catalogue.find_fallback(network.card), scale=network.scale)
-            made, _ = upscale_spaced_views(network, alone, given, [view], grid, stride=stride, finds_sampling=True)
+            upscale = partial(upscale_views, network, alone, finds_sampling=True)
+            made, _ = upscale_spaced_views(upscale, given, [view], grid, stride)
         else:
             made = upscale_pixels(network, low[view][np.newaxis])
         got, truth = convert_to_luma(made[0].astype(np.uint8)), convert_to_luma(high[view])

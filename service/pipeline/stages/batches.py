@@ -6,12 +6,11 @@ import time
 from contextlib import closing
 from typing import TYPE_CHECKING
 
-from ciir.models.light_field.finishing import Finishing
-
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Sequence
     from contextlib import AbstractContextManager
 
+    from ciir.models.light_field.finishing import Finishing
     from ciir.models.single.skipping import SkipStatistics
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
@@ -34,20 +33,21 @@ def upscale_batches(
     opening: AbstractContextManager[Callable[[], object]],
     clock: Clock,
     statistics: SkipStatistics,
-) -> Generator[tuple[Sequence[View], Iterable[Pixels], Finishing]]:
-    """Each batch's wanted views, the pictures that are written of them, and how they were finished."""
+) -> Generator[tuple[Sequence[View], Iterable[Pixels], list[Finishing]]]:
+    """Each batch's wanted views, the pictures that are written of them, and how each was finished after a light-field
+    network."""
     kept: dict[View, Pixels] = {}
     with closing(made), opening as wait:
         for batch, new in made:
             kept.update(zip(batch.new, new, strict=True))
             pictures: Iterable[Pixels] = [kept[view] for view in batch.wanted]
-            used = Finishing()
+            finished: list[Finishing] = []
             if upscale is not None:
                 with clock.stage("upscale"):
                     wait()
                     begun = time.perf_counter()
-                    pictures, used = upscale(kept, batch.wanted)
+                    pictures, finished = upscale(kept, batch.wanted)
                     statistics.seconds += time.perf_counter() - begun
             for view in batch.done:
                 del kept[view]
-            yield batch.wanted, pictures, used
+            yield batch.wanted, pictures, finished

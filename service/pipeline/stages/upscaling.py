@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from ciir.models import catalogue
 from ciir.models.back_projection import restore_means
-from ciir.models.light_field.finishing import MINIMUM_FALLBACK_SHARE, Finishing
+from ciir.models.light_field.finishing import MINIMUM_FALLBACK_SHARE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from ciir.models.light_field.finishing import Finishing
     from ciir.models.single.skipping import SkipStatistics
     from ciir.models.upscaler import Upscaler
     from ciir.renderer.readers.pictures import Pixels
@@ -21,9 +23,9 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.planning.plan import Plan
     from ciir.service.pipeline.stages.arrangement import Arrangement
 
-UpscaleViews = Callable[[Mapping["View", "Pixels"], Sequence["View"]], tuple["Pixels", Finishing]]
+UpscaleViews = Callable[[Mapping["View", "Pixels"], Sequence["View"]], tuple["Pixels", list["Finishing"]]]
 """From views `(H, W, C)` by (v, u), and which of them are wanted, to the upscaled ones `(n, scale*H, scale*W, C)`, and
-how they were finished after a light-field network."""
+how each was finished after a light-field network."""
 
 
 def load_upscaler(
@@ -38,11 +40,11 @@ def load_upscaler(
     if not plan.restores_means:
         return upscale
 
-    def upscale_lenslets(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, Finishing]:
-        made, used = upscale(views, wanted)
+    def upscale_lenslets(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, list[Finishing]]:
+        made, finished = upscale(views, wanted)
         for picture, view in zip(made, wanted, strict=True):
             picture[:] = restore_means(picture, views[view])
-        return made, used
+        return made, finished
 
     return upscale_lenslets
 
@@ -50,31 +52,27 @@ def load_upscaler(
 def _load_model(plan: Plan, arrangement: Arrangement, skip: bool, statistics: SkipStatistics | None) -> UpscaleViews:
     if plan.is_light_field:
         from ciir.models.light_field.strides import upscale_spaced_views
+        from ciir.models.light_field.views import upscale_views
 
         network = catalogue.load_light_field_network(plan.model, scale=plan.scale)
         fallback = catalogue.load_upscaler(fallback_name(plan.model), scale=plan.scale)
+        upscale = partial(
+            upscale_views, network, fallback, skip=skip, statistics=statistics, finds_sampling=plan.finds_sampling
+        )
 
-        def upscale_light_field(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, Finishing]:
+        def upscale_light_field(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, list[Finishing]]:
             colours, alpha = _split_alpha(views)
-            made, used = upscale_spaced_views(
-                network,
-                fallback,
-                {arrangement.find_place(view): picture for view, picture in colours.items()},
-                [arrangement.find_place(view) for view in wanted],
-                arrangement.grid,
-                stride=arrangement.stride,
-                skip=skip,
-                statistics=statistics,
-                finds_sampling=plan.finds_sampling,
-            )
-            return np.concatenate([made, np.full_like(made[..., :1], alpha)], axis=3) if alpha else made, used
+            given = {arrangement.find_place(view): picture for view, picture in colours.items()}
+            places = [arrangement.find_place(view) for view in wanted]
+            made, finished = upscale_spaced_views(upscale, given, places, arrangement.grid, arrangement.stride)
+            return np.concatenate([made, np.full_like(made[..., :1], alpha)], axis=3) if alpha else made, finished
 
         return upscale_light_field
     upscaler = catalogue.load_upscaler(plan.model, scale=plan.scale)
 
-    def upscale_singly(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, Finishing]:
+    def upscale_singly(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, list[Finishing]]:
         pictures: NDArray[Any] = np.stack([views[view] for view in wanted])
-        return upscale_pictures(upscaler, pictures, skip=skip, statistics=statistics), Finishing()
+        return upscale_pictures(upscaler, pictures, skip=skip, statistics=statistics), []
 
     return upscale_singly
 
@@ -129,20 +127,21 @@ def describe_skipped(statistics: SkipStatistics) -> dict[str, Any]:
     )
 
 
-def sampling_reasons(model: str, *, is_averaged: bool, is_restored: bool) -> list[str]:
+def sampling_reasons(model: str, finished: Sequence[Finishing]) -> list[str]:
     """What follows from how some views look as if they were sampled (`models.light_field.sampling`)."""
     reasons = []
-    if is_averaged:
+    if any(view.is_averaged for view in finished):
         filtered = "views that look as if they were made small with an antialiasing filter"
         both = f"what {model} and {fallback_name(model)} make of them"
         reasons.append(f"{filtered} are means of {both}: others add little there")
-    if is_restored:
+    if any(view.is_restored for view in finished):
         reasons.append("views without noise that look filtered or like means are brought closer to what was seen")
     return reasons
 
 
-def fallback_notes(model: str, share: float) -> list[str]:
+def fallback_notes(model: str, finished: Sequence[Finishing]) -> list[str]:
     """The report's note on the share, of all pixels, that the fallback of `model` made; none where it is negligible."""
+    share = sum(view.fallback for view in finished) / max(1, len(finished))
     if share < MINIMUM_FALLBACK_SHARE:
         return []
     made = f"{100 * share:.0f} % of the pixels were made by {fallback_name(model)} from their view alone"
