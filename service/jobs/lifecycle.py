@@ -75,9 +75,9 @@ class Lifecycle:
         """Puts the job of a run that was stopped back into the queue, in `lane`."""
         self._retry(run, None, logging.DEBUG, lane=lane)  # nothing failed; the consumer logs why the run ended
 
-    def retry_after_worker_death(self, run: Job, *, timed_out: bool = False) -> None:
+    def retry_after_worker_death(self, run: Job, *, timed_out: bool) -> None:
         """Queues the job again, or fails it after `WORKER_DEATH_LIMIT`. `timed_out`: whether that ended the worker."""
-        deaths, timed_out = run.worker_deaths + 1, run.has_timed_out or timed_out
+        deaths = run.worker_deaths + 1
         problem = WORKER_STOPPED if deaths >= WORKER_DEATH_LIMIT else None
         self._retry(run, problem, worker_deaths=deaths, has_timed_out=timed_out)
 

@@ -25,13 +25,16 @@ def test_a_run_that_lost_its_lease_changes_nothing(jobs):
     assert not jobs.lifecycle.add_progress(old, {"stage": "map"})
     assert not jobs.lifecycle.finish(old, RESULT)
     jobs.lifecycle.requeue(old, "large")
-    jobs.lifecycle.retry_after_worker_death(old)
+    jobs.lifecycle.retry_after_worker_death(old, timed_out=False)
     jobs.lifecycle.retry_after_consumer_death(old)
     assert jobs.get(job.id) == new
     assert list_files(jobs) == [f"inputs/{job.input}"]
+    publish_result(jobs, old)
     publish_result(jobs, new)
     assert jobs.lifecycle.finish(new, RESULT)
     assert read_result(jobs, job.id) == b"result"
+    assert not jobs.lifecycle.finish(old, RESULT)  # although the outcome is the same
+    assert list_files(jobs) == [f"results/{new.output}"]
 
 
 def test_a_move_to_another_lane_is_no_warning(jobs, caplog):
@@ -64,10 +67,10 @@ def test_finish_may_be_repeated(jobs):
 def test_the_second_death_of_a_worker_fails_the_job(jobs):
     job = submit_data(jobs)
     jobs.queue.pop(("small",), 0.01)
-    jobs.lifecycle.retry_after_worker_death(jobs.lifecycle.start(job.id, "a-1"))
-    assert jobs.get(job.id).state == "queued"
+    jobs.lifecycle.retry_after_worker_death(jobs.lifecycle.start(job.id, "a-1"), timed_out=True)
+    assert (jobs.get(job.id).state, jobs.get(job.id).has_timed_out) == ("queued", True)
     assert jobs.queue.pop(("small",), 0.01) == job.id
-    jobs.lifecycle.retry_after_worker_death(jobs.lifecycle.start(job.id, "a-2"))
+    jobs.lifecycle.retry_after_worker_death(jobs.lifecycle.start(job.id, "a-2"), timed_out=False)
     ended = jobs.get(job.id)
     assert (ended.state, ended.problem, ended.worker_deaths, ended.attempts) == ("failed", WORKER_STOPPED, 2, 2)
     assert WORKER_STOPPED.status == 503  # the machine may be short of memory
@@ -98,7 +101,7 @@ def test_events_are_in_order_and_none_is_lost(jobs):
     job = submit_data(jobs)
     run = jobs.lifecycle.start(job.id, "a-1")
     assert jobs.lifecycle.add_progress(run, {"stage": "decode"})
-    jobs.lifecycle.retry_after_worker_death(run)
+    jobs.lifecycle.retry_after_worker_death(run, timed_out=False)
     run = jobs.lifecycle.start(job.id, "a-2")
     assert jobs.lifecycle.add_progress(run, {"stage": "decode"})
     assert jobs.lifecycle.finish(run, Problem(415, "Title", "detail"))
