@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import ndimage
 
 from ciir.models.light_field.disparity import (
     MAXIMUM_DISPARITY,
@@ -10,7 +11,9 @@ from ciir.models.light_field.disparity import (
     SHIFT_STEP,
     SHIFT_TILE,
     UNSHIFTED_DISPARITY,
+    _blur_tiles,
     _compare_tiles,
+    _vote,
     crop_luma,
     crop_with_margin,
     measure_shifts,
@@ -99,6 +102,20 @@ def test_tiles_are_compared_as_one_difference_after_the_other_would_be(shape, co
             difference = np.abs(there.astype(int) - view[rows[:, None], cols, 0])
             want[number] += difference.reshape(down, -1, across, SHIFT_TILE).sum(axis=(1, 3))
     np.testing.assert_array_equal(_compare_tiles(view, neighbours, 2), want)
+
+
+@pytest.mark.parametrize("shape", [(3, 1, 1), (5, 2, 3), (2, 4, 5)])
+def test_differences_of_tiles_are_blurred_as_if_those_at_the_border_went_on(shape):
+    cost = np.random.default_rng(3).integers(0, 2**16, shape, np.uint16)
+    want = cost.astype(np.int32)
+    for axis in (1, 2):
+        want = ndimage.correlate1d(want, [1, 2, 1], axis, mode="nearest")
+    np.testing.assert_array_equal(_blur_tiles(cost), want)
+
+
+def test_a_tiles_own_shift_has_two_votes():
+    assert _vote(np.array([[0, 3]])).tolist() == [[0, 3]]
+    assert _vote(np.array([[0, 3, 0], [0, 3, 0]])).tolist() == [[0, 0, 0], [0, 0, 0]]
 
 
 def test_each_pixel_of_a_part_has_the_shift_of_its_tile():

@@ -3,6 +3,7 @@ import pytest
 from scipy import ndimage
 
 from ciir.errors import InvalidOption, TooLarge
+from ciir.renderer.focus import disparity
 from ciir.renderer.focus.disparity import _find_moved, estimate_disparity
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.layout import Layout
@@ -58,6 +59,23 @@ def test_fractions_are_not_drawn_to_the_planes(disparity, count):
     found = estimate_disparity(LightField(draw_layers(disparity, count=count), depth_sense="cameras"))
     assert np.median(np.abs(found.disparity - disparity)) < 0.012
     assert found.notes == ()
+
+
+def test_a_map_of_clean_views_is_corrected_by_less_than_a_plane(monkeypatch):
+    right = np.s_[:, 48:]
+
+    def move(views, view, found, *given, **options):
+        moved = found + np.float32(0.01)
+        moved[right] += 0.3  # planes are a quarter apart
+        return moved
+
+    light_field, _ = make_light_field()
+    monkeypatch.setattr(disparity, "refine", lambda views, view, found, *given, **options: found)
+    before = estimate_disparity(light_field, limits=(0, 4)).disparity
+    monkeypatch.setattr(disparity, "refine", move)
+    after = estimate_disparity(light_field, limits=(0, 4)).disparity
+    np.testing.assert_array_equal(after[right], before[right])
+    np.testing.assert_allclose(after[:, :48], before[:, :48] + 0.01, atol=1e-6)
 
 
 def test_what_fits_nowhere_is_noted():

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, shift
 
+from ciir.renderer.view_order import motion
+from ciir.renderer.view_order.evidence import REACH
 from ciir.renderer.view_order.motion import measure_motion
 
 
@@ -36,6 +38,15 @@ def test_what_is_not_found_again_counts_as_moving_far():
     views = make_views((9, 9), 0.125, side=160)
     views[..., :80, :] = make_views((9, 9), 3.0, side=160)[..., :80, :]
     assert measure_motion(views) >= 1
+
+
+def test_the_shift_of_what_is_not_found_again_does_not_count(monkeypatch):
+    def lose_every_third(correlation):
+        is_lost = np.arange(len(correlation)) % 3 == 0
+        return np.full(len(correlation), 0.5), np.where(is_lost, 0.2, 0.9)
+
+    monkeypatch.setattr(motion, "find_shifts", lose_every_third)
+    assert measure_motion(make_views((9, 9), 0.125, side=160)) == REACH / motion.STEP
 
 
 def test_a_small_part_that_moves_more_does_not_count():

@@ -122,6 +122,16 @@ def test_pixels_that_are_skipped_are_not_predicted(monkeypatch, prices):
     assert ("bicubic", 2, 400, 1, 1) in costs.asked
 
 
+def test_without_a_model_views_are_written_as_large_as_they_are(prices, monkeypatch):
+    prices()
+    written = []
+    monkeypatch.setattr(cost, "total", lambda stages, pixels, batches: written.append(pixels) or 0.0)
+    for model in ("none", "fast"):
+        job = make_light_field_job(model=model)
+        prediction.predict_plan(job, plan.make_plan(job))
+    assert written == [math.prod(job.lenses) * len(job.wanted) * larger for larger in (1, 4)]
+
+
 def test_opengl_is_started_only_where_the_faster_strategy_needs_it(prices):
     prices(start=700.0)
     assert select()[0] == "upscale"

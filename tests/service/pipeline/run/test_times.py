@@ -208,6 +208,9 @@ def test_all_times_together_count():
     reconstruct(slide(), options, MemoryWriter(), max_pixels=3 * 20 * 48)
     with pytest.raises(TooLarge, match="over the limit of 2,879"):
         reconstruct(slide(), options, MemoryWriter(), max_pixels=3 * 20 * 48 - 1)
+    lenslets = Options(**SMALL, time=TIMES, sampling="lenslet")
+    with pytest.raises(TooLarge, match="3 views of 15,360 samples each are 46,080, over the limit of 46,079"):
+        reconstruct(slide(), lenslets, MemoryWriter(), max_pixels=3 * 20 * 48 * 16 - 1)
 
 
 def test_a_note_that_differs_in_its_numbers_alone_comes_once():
