@@ -1,6 +1,6 @@
-"""The registry of models: the networks in `shipped/`, and interpolation.
+"""The registry of models: the networks in `shipped/` and in the folder of `CIIR_MODELS`, and interpolation.
 
-To add a network, put its `.onnx` file and its `.json` card into `shipped/`.
+To add a network, put its `.onnx` file and its `.json` card into one of these folders.
 """
 
 from __future__ import annotations
@@ -11,14 +11,15 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ciir.errors import UnknownModel, UnsuitedModel, UnsupportedScale
+from ciir.errors import InvalidOption, UnknownModel, UnsuitedModel, UnsupportedScale
+from ciir.model_folder import MODEL_FOLDER, find_model_folder
 from ciir.models import cards, processor
 from ciir.models.light_field.network import LightFieldNetwork
 from ciir.models.single.interpolation import SCALES, Bicubic, Nearest
 from ciir.models.single.network import SingleImageNetwork
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from ciir.models.upscaler import Upscaler
 
@@ -28,6 +29,8 @@ DEFAULT = "fast"
 """The default network for single pictures, in float; see `default_name`."""
 LIGHT_FIELD_DEFAULT = "field"
 """The default network for views of a light field, in float; see `light_field_default_name`."""
+FILES = (".json", ".onnx")
+"""Suffixes of a network's files."""
 FALLBACKS = {"field-quality": "quality"}
 """Light-field network -> the network of single pictures that helps it, both in float, where it isn't `DEFAULT`."""
 BASELINES: dict[str, Callable[[int], Upscaler]] = {"bicubic": Bicubic, "nearest": Nearest}
@@ -45,6 +48,8 @@ class Entry:
     """The factors it upscales by, ascending."""
     card: cards.Card | None
     """None for interpolation, which was not trained."""
+    path: Path | None = None
+    """The card's."""
 
     @property
     def is_light_field(self) -> bool:
@@ -58,15 +63,32 @@ class Entry:
 
 
 def list_entries() -> list[Entry]:
-    """All models: the networks sorted by name, then interpolation. Raises `BadCard` where a shipped card is damaged."""
-    return [*_read_networks(SHIPPED), *(Entry(name, "interpolation", tuple(SCALES), None) for name in BASELINES)]
+    """All models: the shipped networks sorted by name, one's own, then interpolation. Raises `BadCard` where a card is
+    damaged, `InvalidOption` where `CIIR_MODELS` names no folder or one with a network named as another model.
+    """
+    baselines = [Entry(name, "interpolation", tuple(SCALES), None) for name in BASELINES]
+    shipped = _read_networks(SHIPPED)
+    own = find_model_folder()
+    return [*shipped, *(() if own is None else _read_own(own, (*shipped, *baselines))), *baselines]
+
+
+def _read_own(folder: Path, others: Sequence[Entry]) -> tuple[Entry, ...]:
+    if not folder.is_dir():
+        raise InvalidOption(f"{MODEL_FOLDER}: {folder} is no folder; name one with .onnx files and their .json cards")
+    found = _read_networks(folder)
+    taken = {entry.name for entry in others}.intersection(entry.name for entry in found)
+    if taken:
+        raise InvalidOption(
+            f"{MODEL_FOLDER}: {min(taken)} is the name of another model; export yours with another --name"
+        )
+    return found
 
 
 @cache
 def _read_networks(folder: Path) -> tuple[Entry, ...]:
     """The networks in a folder, which is read once per process."""
-    found = (cards.read_card(path) for path in sorted(folder.glob("*.json"), key=lambda path: path.stem))
-    return tuple(Entry(card.name, card.kind, (card.scale,), card) for card in found)
+    found = ((path, cards.read_card(path)) for path in sorted(folder.glob("*.json"), key=lambda path: path.stem))
+    return tuple(Entry(card.name, card.kind, (card.scale,), card, path) for path, card in found)
 
 
 def get_entry(name: str) -> Entry:
@@ -140,19 +162,21 @@ def load_light_field_network(
 def _load_upscaler(name: str, scale: int, threads: int | None, emulates_int8: bool) -> Upscaler:
     if name in BASELINES:
         return BASELINES[name](scale)
-    if _find_entry(name, scale, is_light_field=False).is_light_field:
+    entry = _find_entry(name, scale, is_light_field=False)
+    if entry.is_light_field or entry.path is None:
         raise UnsuitedModel(
             f"model {name}: it upscales a view of a light field with those around it; use `ciir reconstruct`, or name "
             f"{DEFAULT} for single pictures"
         )
-    return SingleImageNetwork(SHIPPED / f"{name}.json", threads=threads, emulates_int8=emulates_int8)
+    return SingleImageNetwork(entry.path, threads=threads, emulates_int8=emulates_int8)
 
 
 @cache
 def _load_light_field_network(name: str, scale: int, emulates_int8: bool) -> LightFieldNetwork:
-    if not _find_entry(name, scale, is_light_field=True).is_light_field:
+    entry = _find_entry(name, scale, is_light_field=True)
+    if not entry.is_light_field or entry.path is None:
         raise UnsuitedModel(f"model {name}: it upscales single pictures, not a view with those around it")
-    return LightFieldNetwork(SHIPPED / f"{name}.json", emulates_int8=emulates_int8)
+    return LightFieldNetwork(entry.path, emulates_int8=emulates_int8)
 
 
 def _find_entry(name: str, scale: int, *, is_light_field: bool) -> Entry:
@@ -160,7 +184,8 @@ def _find_entry(name: str, scale: int, *, is_light_field: bool) -> Entry:
     entries = {entry.name: entry for entry in list_entries()}
     if name not in entries:
         known = [entry.name for entry in entries.values() if entry.is_light_field == is_light_field]
-        raise UnknownModel(f"model: no {name!r} here; give one of {', '.join(known)}")
+        own = f", or put a network of your own into a folder that {MODEL_FOLDER} names" if name.endswith(FILES) else ""
+        raise UnknownModel(f"model: no {name!r} here; give one of {', '.join(known)}{own}")
     if scale not in entries[name].scales:
         scales = ", ".join(map(str, entries[name].scales))
         remedy = "give that, or model bicubic" if scale > 1 else "give that"

@@ -13,6 +13,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, SecretStr, Validati
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from ciir.errors import InvalidOption
+from ciir.model_folder import MODEL_FOLDER
 from ciir.renderer.limits import DEFAULT_LIMITS, Limits
 from ciir.service.pipeline import cache_folder
 from ciir.service.pipeline.limits import SETTINGS
@@ -212,7 +213,7 @@ class Settings(BaseSettings):
 
 def warn_of_unknown() -> None:
     """Logs a warning for each variable that begins with `CIIR_` and is no setting."""
-    known = {f"{PREFIX}{name.upper()}" for name in Settings.model_fields} | {cache_folder.NAME}
+    known = {f"{PREFIX}{name.upper()}" for name in Settings.model_fields} | {cache_folder.NAME, MODEL_FOLDER}
     for name in sorted(name for name in os.environ if name.startswith(PREFIX) and name not in known):
         _log.warning("%s is set, but is no setting; `ciir serve --show-settings` lists all", name)
 

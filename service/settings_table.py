@@ -10,6 +10,7 @@ import sys
 import textwrap
 from typing import TYPE_CHECKING, Any
 
+from ciir.model_folder import MODEL_FOLDER
 from ciir.service import settings
 from ciir.service.pipeline import cache_folder
 from ciir.service.pipeline.limits import SETTINGS
@@ -29,6 +30,8 @@ Environment variables of `ciir serve` and `ciir worker`. `ciir serve --show-sett
 - Limits on what is read ({", ".join(f"`{name}`" for name, _, _ in SETTINGS.values())})
   hold for the other commands and for Python too; an input over one is refused with a line that names the variable.
 - The cache folder is `{cache_folder.NAME}`, else `ciir` in `XDG_CACHE_HOME`, else `~/.cache/ciir`. All commands use it.
+- `{MODEL_FOLDER}` names a folder with further networks, `.onnx` files with their cards, as `ciir export`
+  writes them. `ciir models` lists them, and all commands, the API and Python take their names.
 
 This page is generated: `python -m ciir.service.settings_table > docs/settings.md`.
 

@@ -9,6 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ciir.models import catalogue
 from ciir.service.pipeline.options import KINDS, NAMES
 
 if TYPE_CHECKING:
@@ -63,6 +64,9 @@ def hash_installation() -> str:
     for folder in _CODE:
         for path in sorted(path for path in (root / folder).rglob("*") if path.suffix in _SUFFIXES):
             digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    for entry in catalogue.list_entries():
+        if entry.path is not None:  # one's own too, wherever they lie
+            digest.update(entry.path.read_bytes() + b"\0")
     return digest.hexdigest()
 
 

@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from ciir import models
-from ciir.errors import UnknownModel, UnsuitedModel, UnsupportedScale
+from ciir.errors import InvalidOption, UnknownModel, UnsuitedModel, UnsupportedScale
 from ciir.models import cards, catalogue
 from ciir.models.catalogue import SHIPPED
 
@@ -29,6 +29,34 @@ def test_each_model_loads(name):
     upscaler = models.load_upscaler(name, scale=entry.scales[0])
     assert (upscaler.name, upscaler.scale) == (name, entry.scales[0])
     assert models.load_upscaler(name, scale=entry.scales[0]) is upscaler
+
+
+def copy_network(folder, name):
+    """`fast` under another name."""
+    folder.mkdir(exist_ok=True)
+    shutil.copy(SHIPPED / "fast.onnx", folder / f"{name}.onnx")
+    cards.write_card(dataclasses.replace(cards.read_card(SHIPPED / "fast.json"), name=name), folder / f"{name}.json")
+
+
+def test_networks_of_ones_own(tmp_path, monkeypatch):
+    before = models.list_names()
+    copy_network(tmp_path / "own", "mine")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("CIIR_MODELS", "own")
+    assert models.list_names() == [*before[:-2], "mine", "bicubic", "nearest"]
+    assert models.load_upscaler("mine").name == "mine"
+    monkeypatch.setenv("CIIR_MODELS", "")
+    assert models.list_names() == before
+    with pytest.raises(UnknownModel, match="CIIR_MODELS"):
+        models.load_upscaler("own/mine.json")
+
+
+@pytest.mark.parametrize(("folder", "message"), [("nothing", "is no folder"), ("taken", "fast is the name of another")])
+def test_a_folder_of_ones_own_that_cannot_be_used(tmp_path, monkeypatch, folder, message):
+    copy_network(tmp_path / "taken", "fast")
+    monkeypatch.setenv("CIIR_MODELS", str(tmp_path / folder))
+    with pytest.raises(InvalidOption, match=message):
+        models.list_names()
 
 
 @pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.onnx")), ids=lambda path: path.stem)

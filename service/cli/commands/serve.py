@@ -24,12 +24,14 @@ def run(args: argparse.Namespace) -> None:
         return
     if not (args.port.isdecimal() and int(args.port) <= 65535):
         raise InvalidOption(f"port: {args.port!r} is out of range; give 0 to 65535")
+    from ciir.models import catalogue
     from ciir.service.web import connections
     from ciir.service.web.app import create_app
     from ciir.service.web.middleware.site import is_loopback
     from ciir.service.web.server import DrainingServer
 
     found = common.start_service()
+    catalogue.list_entries()  # a folder of CIIR_MODELS that can't be used ends the command
     connections.raise_file_limit()
     with _listening(args.host, int(args.port)) as listener:
         # Connections inherit it. Without it a body waits 40 ms for its header; asyncio sets it on its own sockets only.

@@ -25,6 +25,7 @@ _log = logging.getLogger("ciir")
 
 def run(args: argparse.Namespace) -> None:  # noqa: ARG001 - a command's signature
     """Runs jobs until SIGTERM or Ctrl-C; then the running jobs finish, or go back to the queue."""
+    from ciir.models import catalogue
     from ciir.service.jobs.engine import Engine
     from ciir.service.metrics import Metrics
     from ciir.service.settings import hide_secrets
@@ -32,6 +33,7 @@ def run(args: argparse.Namespace) -> None:  # noqa: ARG001 - a command's signatu
     found = common.start_service()
     if not found.workers:
         raise InvalidOption("CIIR_WORKERS: 0 leaves a worker without processes; set 1 or more, or unset it")
+    catalogue.list_entries()  # a folder of CIIR_MODELS that can't be used ends the command
     stop = threading.Event()
 
     def end(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - the signature is Python's

@@ -16,6 +16,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from ciir.cores import read_quota
+from ciir.model_folder import find_model_folder
 from ciir.service.jobs.workers.sandbox import restrictions
 from ciir.service.pipeline import cache_folder
 
@@ -58,6 +59,8 @@ def main(parent: int, limits: dict[str, Any]) -> None:
     cache_folder.is_read_only = True
     read_quota()  # the sandbox hides it
     readable = [] if cache is None else [str(cache / cache_folder.COSTS)]
+    if (own := find_model_folder()) is not None:
+        readable.append(str(own))
     restrictions.enter(limits["memory"], limits["file"], parent, readable)
 
     from ciir.service.jobs.workers.task import TaskLimits, warm_up

@@ -15,6 +15,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ciir.model_folder import MODEL_FOLDER, find_model_folder
 from ciir.service.jobs.workers.messages import LIMIT, make_printable, parse_message
 
 if TYPE_CHECKING:
@@ -187,6 +188,8 @@ def make_environment() -> dict[str, str]:
     paths = os.pathsep.join(os.path.abspath(path) for path in sys.path)  # noqa: PTH100 - "" is the current folder
     # Workers share the cores: OpenBLAS with a thread for each would wait more than it works.
     defaults = {"OPENBLAS_NUM_THREADS": "1"}
+    if (own := find_model_folder()) is not None:
+        kept[MODEL_FOLDER] = str(own)
     return defaults | kept | {"PYTHONPATH": paths, "MESA_SHADER_CACHE_DISABLE": "true"}  # it may write no files
 
 

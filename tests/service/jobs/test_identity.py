@@ -1,7 +1,10 @@
+from dataclasses import replace
 from hashlib import sha256
 
 import pytest
 
+from ciir.models import cards
+from ciir.models.catalogue import SHIPPED
 from ciir.service.jobs import identity
 from ciir.service.jobs.job import Request
 
@@ -32,6 +35,14 @@ def test_equal_requests_have_equal_ids():
 )
 def test_any_difference_changes_the_id(other):
     assert compute_id(**other) != compute_id()
+
+
+def test_networks_of_ones_own_are_part_of_the_id(monkeypatch, tmp_path):
+    before = identity.hash_installation.__wrapped__()
+    (tmp_path / "mine.onnx").write_bytes((SHIPPED / "fast.onnx").read_bytes())
+    cards.write_card(replace(cards.read_card(SHIPPED / "fast.json"), name="mine"), tmp_path / "mine.json")
+    monkeypatch.setenv("CIIR_MODELS", str(tmp_path))
+    assert identity.hash_installation.__wrapped__() != before
 
 
 def test_the_installation_is_part_of_the_id(monkeypatch):
