@@ -33,6 +33,8 @@ USES: dict[Kind, tuple[str, ...]] = {
 """Kinds of pictures for displays, and the names of the `WriterOptions` that each takes."""
 NATIVE_VIEWS = 48
 """Views that a light field with fewer gets for a native picture."""
+BLACK = "alpha: the views are laid over black"
+"""A note on views that are not opaque."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +97,7 @@ def show_light_field(
     """
     height, width = light_field.views.shape[2:4]
     own, disparity = own_aspect or width / height, options.disparity
+    laid = (BLACK,) if light_field.is_transparent() else ()
     if isinstance(target, Quilt):
         quilt, layout, notes = make_quilt(
             light_field,
@@ -104,13 +107,13 @@ def show_light_field(
             disparity=disparity,
             max_pixels=max_pixels,
         )
-        return DisplayPicture(quilt, notes, layout)
+        return DisplayPicture(quilt, (*laid, *notes), layout)
     cameras = order_as_cameras(light_field)
     if isinstance(target, IntegralDisplay):
         panel = resample_panel(cameras, target, conversion=options.conversion, disparity=disparity, progress=progress)
-        return DisplayPicture(panel, describe_light_field(cameras, target, disparity))
+        return DisplayPicture(panel, (*laid, *describe_light_field(cameras, target, disparity)))
     count = max(NATIVE_VIEWS, cameras.shape[1])
     row, notes = take_row(cameras, count, disparity=disparity)
     notes += describe_native(cameras, target, disparity)
     row, padded = pad_to_aspect(row, own, target.aspect)
-    return DisplayPicture(interlace(row, target, progress=progress), (*notes, *padded))
+    return DisplayPicture(interlace(row, target, progress=progress), (*laid, *notes, *padded))

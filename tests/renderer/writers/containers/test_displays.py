@@ -102,6 +102,19 @@ def test_a_description_of_a_panel_makes_its_picture(tmp_path):
     assert notes[0].startswith("depth: the display is sharp for disparities from")
 
 
+@pytest.mark.parametrize("options", [{"quilt": "8x6"}, {"calibration": "c.json"}, {"display": "p.toml"}])
+def test_views_that_are_not_opaque_are_laid_over_black_with_a_note(tmp_path, monkeypatch, options):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "c.json").write_text(json.dumps(CALIBRATION))
+    (tmp_path / "p.toml").write_text(PANEL)
+    opaque = np.pad(FIELD.views, ((0, 0),) * 4 + ((0, 1),), constant_values=255)
+    half = opaque.copy()
+    half[..., 3] = 128
+    for views, expected in ((opaque, False), (half, True)):
+        notes = LightField(views, depth_sense="cameras").save("a.png", **options)
+        assert ("alpha: the views are laid over black" in notes) is expected
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """The current folder, with a panel's file and two that are none."""
