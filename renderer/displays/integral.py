@@ -58,6 +58,11 @@ class IntegralDisplay:
         return self.width * self.pixel_pitch, self.height * self.pixel_pitch
 
     @property
+    def ppi(self) -> float:
+        """Pixels per inch."""
+        return INCH / self.pixel_pitch
+
+    @property
     def tangent_step(self) -> float:
         """Tangent between neighbouring pixels under a lens."""
         return self.pixel_pitch / self.gap

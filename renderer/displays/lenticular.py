@@ -41,6 +41,8 @@ class Calibration:
     pitch: float
     tilt: float
     center: float
+    ppi: float
+    """DPI: pixels per inch."""
     is_inverted: bool = False
     """invView: the views run from right to left."""
     flips: tuple[bool, bool] = (False, False)
@@ -102,6 +104,7 @@ def parse_calibration(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMIT
         pitch=pitch * width / dpi * float(np.cos(np.arctan(1 / slope))),
         tilt=height / (width * slope) * (-1 if mirrored else 1),
         center=_read(found, "center", name, (-1e4, 1e4)),
+        ppi=dpi,
         is_inverted=_is_set(found, "invView", name),
         flips=(mirrored, _is_set(found, "flipImageY", name)),
         is_bgr=_is_set(found, "flipSubp", name),

@@ -46,6 +46,8 @@ class DisplayPicture:
     notes: tuple[str, ...]
     layout: QuiltLayout | None = None
     """Of a quilt."""
+    ppi: float | None = None
+    """Pixels per inch, where they are known; a quilt's are not."""
 
 
 def find_kind(options: WriterOptions) -> Kind:
@@ -111,9 +113,10 @@ def show_light_field(
     cameras = order_as_cameras(light_field)
     if isinstance(target, IntegralDisplay):
         panel = resample_panel(cameras, target, conversion=options.conversion, disparity=disparity, progress=progress)
-        return DisplayPicture(panel, (*laid, *describe_light_field(cameras, target, disparity)))
+        return DisplayPicture(panel, (*laid, *describe_light_field(cameras, target, disparity)), ppi=target.ppi)
     count = max(NATIVE_VIEWS, cameras.shape[1])
     row, notes = take_row(cameras, count, disparity=disparity)
     notes += describe_native(cameras, target, disparity)
     row, padded = pad_to_aspect(row, own, target.aspect)
-    return DisplayPicture(interlace(row, target, progress=progress), (*laid, *notes, *padded))
+    native = interlace(row, target, progress=progress)
+    return DisplayPicture(native, (*laid, *notes, *padded), ppi=target.ppi)

@@ -44,7 +44,7 @@ def write_picture(args: argparse.Namespace, options: Options, kind: Kind) -> Non
     named = parse_name(path.name) if kind == "quilt" else None
     with common.progress_bar("row" if kind != "quilt" else "view") as progress:
         picture, report = make_picture(source, options, kind, named=named, progress=progress)
-    data = encode(picture.pixels, path.suffix.lower())
+    data = encode(picture.pixels, path.suffix.lower(), ppi=picture.ppi)
     layout = picture.layout
     if layout is not None:
         path = _name_quilt(path, layout, report["notes"])

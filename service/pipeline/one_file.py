@@ -118,7 +118,7 @@ def _show(source: Source, options: Options, output: Output) -> tuple[str, Report
         source, options, kind, max_pixels=output.max_pixels, progress=output.progress, clock=output.clock
     )
     with output.clock.stage("encode"):
-        output.file.write(encode_png(picture.pixels))
+        output.file.write(encode_png(picture.pixels, ppi=picture.ppi))
     return report["display"]["kind"], report | {"timings_ms": output.clock.timings_ms()}
 
 

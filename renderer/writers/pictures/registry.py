@@ -29,15 +29,18 @@ class PictureFormat:
     """Of file names, lower case; the first is the usual one."""
     media_type: str
 
-    def encode(self, pixels: Pixels, text: Mapping[str, str] | None = None) -> bytes:
-        """The file with `pixels`, `(height, width, 1..4)`, 8 or 16 bit, and in a PNG with `text`, by keyword.
+    def encode(self, pixels: Pixels, text: Mapping[str, str] | None = None, ppi: float | None = None) -> bytes:
+        """The file with `pixels`, `(height, width, 1..4)`, 8 or 16 bit; in a PNG with `text`, by keyword, and in a PNG
+        or TIFF with a resolution of `ppi` pixels per inch.
 
         Raises `InvalidOption` where the format can't hold them. The encoder is imported when it is first needed.
         """
         squeezed = pixels[..., 0] if pixels.shape[2] == 1 else pixels
         encoder = import_module(f"ciir.renderer.writers.pictures.{self.name}").encode
-        texts = (text,) if text and self.name == "png" else ()
-        return cast("bytes", encoder(np.ascontiguousarray(squeezed), *texts))
+        extra: dict[str, object] = {"text": text} if text and self.name == "png" else {}
+        if ppi is not None and self.name in ("png", "tiff"):
+            extra["ppi"] = ppi
+        return cast("bytes", encoder(np.ascontiguousarray(squeezed), **extra))
 
 
 FORMATS = (
@@ -51,9 +54,9 @@ SUFFIXES = tuple(BY_SUFFIX)
 """What the name of a picture that is written ends with, in lower case."""
 
 
-def encode(pixels: Pixels, suffix: str, text: Mapping[str, str] | None = None) -> bytes:
+def encode(pixels: Pixels, suffix: str, text: Mapping[str, str] | None = None, *, ppi: float | None = None) -> bytes:
     """The file that a name ending with `suffix` asks for, of `(height, width, 1..4)` pixels, 8 or 16 bit; a PNG has
-    `text`, by keyword, too.
+    `text`, by keyword, too, and PNG and TIFF state a resolution of `ppi` pixels per inch.
 
     PNG and TIFF keep every bit. JPEG is written at quality 95 without chroma subsampling.
 
@@ -62,9 +65,9 @@ def encode(pixels: Pixels, suffix: str, text: Mapping[str, str] | None = None) -
     entry = BY_SUFFIX.get(suffix.lower())
     if entry is None:
         raise InvalidOption(f"picture: {suffix!r} can't be written; end the name with {', '.join(SUFFIXES)}")
-    return entry.encode(pixels, text)
+    return entry.encode(pixels, text, ppi)
 
 
-def encode_png(pixels: Pixels) -> bytes:
+def encode_png(pixels: Pixels, *, ppi: float | None = None) -> bytes:
     """A PNG of `(height, width, 1..4)` pixels, 8 or 16 bit, every bit kept."""
-    return BY_SUFFIX[".png"].encode(pixels)
+    return BY_SUFFIX[".png"].encode(pixels, ppi=ppi)

@@ -11,10 +11,13 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
 
 
-def encode(pixels: Pixels) -> bytes:
-    """A TIFF (deflate, horizontal differences) of contiguous `(height, width)` or `(height, width, 2..4)` pixels."""
+def encode(pixels: Pixels, ppi: float | None = None) -> bytes:
+    """A TIFF (deflate, horizontal differences) of contiguous `(height, width)` or `(height, width, 2..4)` pixels, with
+    a resolution of `ppi` pixels per inch.
+    """
     file = io.BytesIO()
-    tifffile.imwrite(file, pixels, **describe_page(pixels.shape[2] if pixels.ndim == 3 else 1))
+    size: dict[str, Any] = {} if ppi is None else {"resolution": (ppi, ppi), "resolutionunit": "INCH"}
+    tifffile.imwrite(file, pixels, **describe_page(pixels.shape[2] if pixels.ndim == 3 else 1), **size)
     return file.getvalue()
 
 

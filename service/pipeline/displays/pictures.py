@@ -149,7 +149,8 @@ def _render(scene: Scene, options: Options, target: Target, progress: Progress) 
         views = screen.render_views(caster, layout.count, target.tile, samples=samples, progress=progress)
         pixels = join_views(views, layout)
         budget = measure_quilt(scene, screen, layout.count, target.tile[1])
-    return DisplayPicture(pixels, (*budget.notes(), *caster.notes(), *check.list_notes()), layout)
+    ppi = None if isinstance(target, Quilt) else target.ppi
+    return DisplayPicture(pixels, (*budget.notes(), *caster.notes(), *check.list_notes()), layout, ppi)
 
 
 def _find_aspect(source: Source, light_field: LightField) -> float:

@@ -1,7 +1,9 @@
+import io
 import json
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from ciir.errors import InvalidOption, TooLarge, Unreadable
 from ciir.renderer.displays.integral import parse_display
@@ -99,6 +101,7 @@ def test_a_description_of_a_panel_makes_its_picture(tmp_path):
     display = parse_display(PANEL.encode(), name="p")
     expected = resample_panel(FIELD.views, display, conversion="none", disparity=0.5)
     assert np.array_equal(read(tmp_path / "a.png"), expected)
+    assert Image.open(io.BytesIO((tmp_path / "a.png").read_bytes())).info["dpi"] == pytest.approx((254, 254), rel=5e-5)
     assert notes[0].startswith("depth: the display is sharp for disparities from")
 
 

@@ -28,6 +28,16 @@ def test_every_bit_survives_png_and_tiff(pixels, suffix):
     np.testing.assert_array_equal(read, pixels)
 
 
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+def test_png_and_tiff_state_a_resolution(suffix):
+    pixels = make_picture(7, 5)
+    read = Image.open(io.BytesIO(encode(pixels, suffix, ppi=280.5)))
+    assert read.info["dpi"] == pytest.approx((280.5, 280.5), rel=5e-5)
+    np.testing.assert_array_equal(np.asarray(read), pixels)
+    if suffix == ".png":
+        assert "dpi" not in Image.open(io.BytesIO(encode_png(pixels))).info
+
+
 @SETTINGS
 @given(pixels=PIXELS)
 def test_pillow_reads_the_same_png(pixels):

@@ -64,6 +64,7 @@ def test_descriptions_are_files_or_plain_fields(client, views, tmp_path, is_file
     assert name_of(native) == f"{native.headers['x-display-id']}.png"
     panel = read(show("display", PANEL, conversion="none", disparity="0.5"))
     display = parse_display(PANEL.encode(), name="p")
+    assert b"pHYs" in show("display", PANEL).content[:100]
     assert np.array_equal(panel, resample_panel(FIELD.views, display, conversion="none", disparity=0.5))
 
 

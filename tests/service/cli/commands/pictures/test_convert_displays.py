@@ -1,10 +1,12 @@
 """`ciir convert` to pictures for displays, as a display's owner types it."""
 
+import io
 import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from ciir.renderer.displays.devices import DEVICES
 from ciir.renderer.displays.lenticular import interlace, parse_calibration
@@ -71,6 +73,15 @@ def test_black_before_black_is_noted(folder, capsys, to):
     assert f"{note}; give another, as in background ffffff" in capsys.readouterr().err
     assert convert(f"set {to} --background ffffff") == 0
     assert note[:40] not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["scene:vase", "in.npz"])
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+@pytest.mark.parametrize(("options", "ppi"), [("--display p.toml", 254), ("--calibration c.json", 338)])
+def test_pictures_of_a_known_pixel_size_state_their_resolution(folder, name, suffix, options, ppi):
+    assert convert(f"{name} -o out{suffix} {options}") == 0
+    picture = Image.open(io.BytesIO((folder / f"out{suffix}").read_bytes()))
+    assert picture.info["dpi"] == pytest.approx((ppi, ppi), rel=5e-5)
 
 
 def test_a_light_field_becomes_a_quilt_of_its_own_views(folder, capsys):
