@@ -102,21 +102,28 @@ def _describe_sharp(cameras: Pixels, moved: float, disparity: float) -> str:
     )
     if cameras.shape[1] == 1:
         return note
-    least, largest = _find_usual_range(cameras)
+    found = _find_usual_range(cameras)
+    if found is None:
+        return f"{note}; the views have too little texture to tell theirs"
+    least, largest = found
     is_beyond = least < disparity - moved or largest > disparity + moved
     blurs = f"; the rest blurs{_suggest_plane(least, largest, disparity)}" if is_beyond else ""
     return f"{note}; those of the views are about {_round(least)} to {_round(largest)}{blurs}"
 
 
 def describe_row(cameras: Pixels, count: int, disparity: float) -> tuple[str, ...]:
-    """A note where content moves by over `GHOST` pixels between neighbours of `count` views, made of one row.
+    """A note where content moves by over `GHOST` pixels between neighbours of `count` views, made of one row; none
+    where views have too little texture to tell.
 
     `cameras`: `(V, U, h, w, c)`; `disparity`: of what lies in the display's plane.
     """
     size_u = cameras.shape[1]
     if size_u == 1 or count == 1:
         return ()
-    least, largest = _find_usual_range(cameras)
+    found = _find_usual_range(cameras)
+    if found is None:
+        return ()
+    least, largest = found
     moved = max(abs(least - disparity), abs(largest - disparity)) * (size_u - 1) / (count - 1)
     if moved <= GHOST:
         return ()
@@ -124,7 +131,7 @@ def describe_row(cameras: Pixels, count: int, disparity: float) -> tuple[str, ..
     return (f"depth: {far}; over {GHOST:g} edges show double{_suggest_plane(least, largest, disparity)}",)
 
 
-def _find_usual_range(cameras: Pixels) -> tuple[float, float]:
+def _find_usual_range(cameras: Pixels) -> tuple[float, float] | None:
     from ciir.renderer.focus.stereo.search_range import find_usual_range  # loads scipy, of which few commands have need
 
     return find_usual_range(cameras)

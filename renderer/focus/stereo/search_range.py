@@ -30,6 +30,10 @@ EVEN = 0.5
 """Pixels by which the disparities around a pixel differ at most where it counts: those around an error differ more."""
 MARGIN = 0.08
 """Of a range, on each side."""
+TEXTURE = 2.0
+"""8-bit levels from one pixel of those pictures to the next, along which views move, from which a pixel has texture."""
+LEAST_SHARE = 0.01
+"""Of the pixels, that show a disparity, for a usual range."""
 GAP = 1.0
 """Pixels of those pictures between disparities that belong to one range, in the corners of the grid."""
 
@@ -63,22 +67,27 @@ def ends_search(limits: tuple[float, float], size: tuple[int, int]) -> bool:
     return max(-low, high) - MARGIN / (1 + 2 * MARGIN) * (high - low) >= find_reach(size)
 
 
-def find_usual_range(views: NDArray[Any]) -> tuple[float, float]:
+def find_usual_range(views: NDArray[Any]) -> tuple[float, float] | None:
     """The disparities between which most of the centre view lies, but for 2 % at each end: about, and quickly.
 
-    0 to 0 for views of less than `LEAST_SIDE` pixels along a side, and where nothing shows any.
+    None for views of less than `LEAST_SIDE` pixels along a side, and where pixels with texture hardly show any.
     """
     if min(views.shape[2:4]) < LEAST_SIDE:
-        return 0.0, 0.0
+        return None
     factor = _find_factor(views.shape[2:4])
-    found = _look_coarsely(views, center_view(*views.shape[:2]), factor)
-    low, high = np.quantile(found, (0.02, 0.98)) if found.size else (0.0, 0.0)
+    found = _look_coarsely(views, center_view(*views.shape[:2]), factor, texture=TEXTURE)
+    if found.size < LEAST_SHARE * (views.shape[2] // factor) * (views.shape[3] // factor):
+        return None
+    low, high = np.quantile(found, (0.02, 0.98))
     return factor * float(low), factor * float(high)
 
 
-def _look_coarsely(views: NDArray[Any], view: View, factor: int, window: int = 1) -> NDArray[np.float32]:
+def _look_coarsely(
+    views: NDArray[Any], view: View, factor: int, window: int = 1, texture: float = 0.0
+) -> NDArray[np.float32]:
     """The disparities that `view` shows with confidence, `(n,)`: from a sweep over pictures that are smaller by
     `factor`, in pixels of those, with the next views alone. `window`: side of a median filter against errors.
+    `texture`: the least, in 8-bit levels, within a pixel of one that counts.
     """
     height, width = views.shape[2:4]
     rows, cols = (slice(max(0, at - 2), at + 3) for at in view)
@@ -93,6 +102,10 @@ def _look_coarsely(views: NDArray[Any], view: View, factor: int, window: int = 1
     disparity, confidence = match(sweep.compare(numbers), sweep.own, np.array(numbers) / COARSE_PARTS)
     steps = ndimage.maximum_filter(disparity, 3) - ndimage.minimum_filter(disparity, 3)
     is_sure = (confidence > 0) & (confidence >= np.fmin(SURE, np.median(confidence))) & (steps <= EVEN)
+    if texture:
+        axes = [axis for axis in (1, 2) if views.shape[axis - 1] > 1]
+        slopes = np.abs([np.gradient(sweep.own, axis=axis) for axis in axes]).max(axis=(0, 1))
+        is_sure &= ndimage.maximum_filter(slopes, 3) >= texture
     found: NDArray[np.float32] = ndimage.median_filter(disparity, window, mode="nearest")[is_sure]
     return found
 

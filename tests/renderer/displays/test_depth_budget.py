@@ -26,6 +26,9 @@ DISPLAY = IntegralDisplay(1000, 1000, 0.1, 1.0, 4.0)
 """Sharp to 1 mm / (0.1 / 4) = 40 mm."""
 
 
+TEXTURELESS = "; the views have too little texture to tell theirs"
+
+
 def make_sheets(*sheets):
     """A scene of squares `(z, x, side)` parallel to the display."""
     square = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]])
@@ -93,7 +96,27 @@ def test_errors_do_not_widen_the_disparities_of_a_captured_array():
 
 @pytest.mark.parametrize("size", [(1, 1), (3, 9)])
 def test_the_smallest_views_have_a_note(size):
-    assert "about 0 to 0" in describe_light_field(np.zeros((2, 3, *size, 3), np.uint8), DISPLAY, 0.0)[0]
+    assert describe_light_field(np.zeros((2, 3, *size, 3), np.uint8), DISPLAY, 0.0)[0].endswith(TEXTURELESS)
+
+
+@pytest.mark.parametrize("noise", [0, 2])
+def test_no_disparities_are_given_for_views_without_texture(noise):
+    """Plain views, each brighter than the one before, fit best where the fewest pixels overlap."""
+    plain = np.broadcast_to(np.arange(20, 212, 4)[:, None, None, None], (1, 48, 60, 80, 1))
+    noisy = (plain + np.random.default_rng(0).normal(0, noise, plain.shape)).round().astype(np.uint8)
+    assert describe_row(noisy, 48, 0.0) == ()
+    assert describe_native(noisy, make_calibration(), 0.0)[0].endswith(TEXTURELESS)
+
+
+def test_a_small_object_before_a_plain_background_has_its_own_disparity():
+    y, x = np.mgrid[:96, :128]
+    views = np.zeros((3, 5, 96, 128, 1), np.uint8)
+    for v, u in np.ndindex(3, 5):
+        down, across = y - 48 + 3 * (v - 1), x - 64 + 3 * (u - 2)
+        views[v, u, ..., 0] = np.where(down**2 + across**2 < 10**2, 128 + 100 * np.sin(down) * np.sin(across), 0)
+    (note,) = describe_light_field(views, DISPLAY, 3.0)
+    least, largest = map(float, re.search(r"about (\S+) to ([^;\s]+)", note).groups())
+    assert 2 <= least <= largest <= 3.2
 
 
 def test_a_light_fields_disparities_are_held_against_a_lenticular_display():
