@@ -31,7 +31,7 @@ EVEN = 0.5
 MARGIN = 0.08
 """Of a range, on each side."""
 TEXTURE = 2.0
-"""8-bit levels from one pixel of those pictures to the next, along which views move, from which a pixel has texture."""
+"""8-bit levels from one pixel to the next from which a pixel has texture."""
 LEAST_SHARE = 0.01
 """Of the pixels, that show a disparity, for a usual range."""
 GAP = 1.0
@@ -75,7 +75,7 @@ def find_usual_range(views: NDArray[Any]) -> tuple[float, float] | None:
     if min(views.shape[2:4]) < LEAST_SIDE:
         return None
     factor = _find_factor(views.shape[2:4])
-    found = _look_coarsely(views, center_view(*views.shape[:2]), factor, texture=TEXTURE)
+    found = _look_coarsely(views, center_view(*views.shape[:2]), factor, textured=True)
     if found.size < LEAST_SHARE * (views.shape[2] // factor) * (views.shape[3] // factor):
         return None
     low, high = np.quantile(found, (0.02, 0.98))
@@ -83,11 +83,11 @@ def find_usual_range(views: NDArray[Any]) -> tuple[float, float] | None:
 
 
 def _look_coarsely(
-    views: NDArray[Any], view: View, factor: int, window: int = 1, texture: float = 0.0
+    views: NDArray[Any], view: View, factor: int, window: int = 1, *, textured: bool = False
 ) -> NDArray[np.float32]:
     """The disparities that `view` shows with confidence, `(n,)`: from a sweep over pictures that are smaller by
     `factor`, in pixels of those, with the next views alone. `window`: side of a median filter against errors.
-    `texture`: the least, in 8-bit levels, within a pixel of one that counts.
+    `textured`: whether only pixels with texture count.
     """
     height, width = views.shape[2:4]
     rows, cols = (slice(max(0, at - 2), at + 3) for at in view)
@@ -102,11 +102,20 @@ def _look_coarsely(
     disparity, confidence = match(sweep.compare(numbers), sweep.own, np.array(numbers) / COARSE_PARTS)
     steps = ndimage.maximum_filter(disparity, 3) - ndimage.minimum_filter(disparity, 3)
     is_sure = (confidence > 0) & (confidence >= np.fmin(SURE, np.median(confidence))) & (steps <= EVEN)
-    if texture:
-        axes = [axis for axis in (1, 2) if views.shape[axis - 1] > 1]
-        slopes = np.abs([np.gradient(sweep.own, axis=axis) for axis in axes]).max(axis=(0, 1))
-        is_sure &= ndimage.maximum_filter(slopes, 3) >= texture
+    if textured:
+        is_sure &= find_texture(sweep.own, views.shape[:2])
     found: NDArray[np.float32] = ndimage.median_filter(disparity, window, mode="nearest")[is_sure]
+    return found
+
+
+def find_texture(picture: NDArray[np.float32], grid: tuple[int, ...]) -> NDArray[np.bool_]:
+    """The pixels, `(H, W)`, that change along an axis along which views of a `grid` of them (rows, columns) move.
+
+    `picture`: `(C, H, W)` in 8-bit levels.
+    """
+    axes = [axis for axis, count in zip((1, 2), grid, strict=True) if count > 1]
+    slopes = [np.abs(np.gradient(picture, axis=axis)).max(axis=0) for axis in axes]
+    found: NDArray[np.bool_] = np.max(slopes, axis=0) >= TEXTURE
     return found
 
 

@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ciir.bit_depth import count_unused_bits, raise_levels
 from ciir.errors import InvalidOption
 from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.focus.disparity import DisparityMap
+from ciir.renderer.focus.stereo.search_range import SURE, find_texture
+from ciir.renderer.focus.stereo.sweep import read_levels
 from ciir.service.pipeline.focus.light_fields import capture, estimate_view
 from ciir.service.pipeline.job import resolve_job
 from ciir.service.pipeline.options import KINDS, NO_MODEL
@@ -19,6 +22,9 @@ from ciir.service.pipeline.source import Input
 from ciir.service.pipeline.stages.view_sources import MeshViews
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ciir.renderer.light_field import LightField
     from ciir.service.pipeline.options import Options
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.run import Progress
@@ -54,7 +60,14 @@ def find_disparity(
     notes += found.notes
     if scale > 1:
         notes += [f"disparities are in pixels of the upscaled views, {scale} for each that was read along each side"]
-    return found, _complete(captured.report, found, options, clock, is_exact=False)
+    return found, _complete(captured.report, found, _find_texture(found, light_field), options, clock, is_exact=False)
+
+
+def _find_texture(found: DisparityMap, light_field: LightField) -> NDArray[np.bool_]:
+    """The pixels of the map's view, `(H, W)`, with texture: elsewhere all disparities fit alike."""
+    view = light_field.view(*found.view)
+    levels = read_levels(raise_levels(view, count_unused_bits(view)))
+    return find_texture(levels, light_field.shape[:2])
 
 
 def _render(source: Source, options: Options, clock: Clock) -> tuple[DisparityMap, Report]:
@@ -99,10 +112,23 @@ def _render(source: Source, options: Options, clock: Clock) -> tuple[DisparityMa
         "notes": [*scene.notes],
         "versions": find_versions(*described["packages"]),
     }
-    return found, _complete(report, found, options, clock, is_exact=True)
+    return found, _complete(report, found, is_seen, options, clock, is_exact=True)
 
 
-def _complete(report: Report, found: DisparityMap, options: Options, clock: Clock, *, is_exact: bool) -> Report:
+def _find_range(found: DisparityMap, counts: NDArray[np.bool_]) -> Report | None:
+    """The least and the largest disparity where `counts` and confidence is at least `SURE`, or the median there where
+    that is lower, as of noisy views; None where nothing counts.
+    """
+    if not counts.any():
+        return None
+    least = min(SURE, float(np.median(found.confidence[counts])))
+    shown = found.hci[counts & (found.confidence >= least)]
+    return {"least": float(shown.min()), "largest": float(shown.max()), "confidence": least}
+
+
+def _complete(
+    report: Report, found: DisparityMap, counts: NDArray[np.bool_], options: Options, clock: Clock, *, is_exact: bool
+) -> Report:
     height, width = found.disparity.shape
     return report | {
         "disparity": {
@@ -111,6 +137,7 @@ def _complete(report: Report, found: DisparityMap, options: Options, clock: Cloc
             "width": width,
             "least": float(found.hci.min()),
             "largest": float(found.hci.max()),
+            "confident": _find_range(found, counts),
             "exact": is_exact,
         },
         "options": options.as_dict(KINDS["disparity"].options),

@@ -46,9 +46,18 @@ def _write_map(source: Source, options: Options, path: Path, name: str) -> tuple
         found, report = find_disparity(source, options, progress=progress)
     described = report["disparity"]
     described |= write_disparity(path, found, name)
-    values = f"disparity {described['least']:.3f} to {described['largest']:.3f} of view {found.view[0]},{found.view[1]}"
-    size = f"{described['height']}x{described['width']} pixels"
-    return report, f"{values}, {size}, beside it {described['confidence']}"
+    size = f"{described['height']}x{described['width']} pixels, beside it {described['confidence']}"
+    return report, f"disparity of view {found.view[0]},{found.view[1]}, {_describe_range(described)}, {size}"
+
+
+def _describe_range(described: Report) -> str:
+    """The least and the largest disparity that the view shows."""
+    found = described["confident"]
+    if found is None:
+        return "which has too little texture to tell"
+    confidence = f"where texture has a confidence of {found['confidence']:.2g} or more"
+    where = "where the mesh is seen" if described["exact"] else confidence
+    return f"{found['least']:.3f} to {found['largest']:.3f} {where}"
 
 
 def _write_model(source: Source, options: Options, path: Path) -> tuple[Report, str]:

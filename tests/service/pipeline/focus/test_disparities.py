@@ -37,6 +37,24 @@ def test_larger_is_nearer_with_both_depth_senses(sense, sign):
     assert {"focus", "total"} <= set(report["timings_ms"])
 
 
+def test_a_plain_background_has_no_part_in_the_range():
+    views = np.zeros((3, 5, 64, 96, 3), np.uint8)
+    texture = np.random.default_rng(0).integers(0, 256, (20, 30, 3), np.uint8)
+    for v, u in np.ndindex(3, 5):
+        views[v, u, 22 - 2 * (v - 1) :, 33 - 2 * (u - 2) :][:20, :30] = texture
+    _, report = run(LightField(views, is_ordered=True, depth_sense="cameras"), limits="-6:6")
+    found = report["disparity"]
+    assert found["least"] < 0
+    assert (found["confident"]["least"], found["confident"]["largest"]) == pytest.approx((2, 2), abs=0.1)
+    assert found["confident"]["confidence"] <= 0.5
+
+
+def test_views_without_texture_have_no_range():
+    plain = np.broadcast_to(np.arange(20, 70, 10, np.uint8)[:, None, None, None], (1, 5, 32, 36, 3))
+    _, report = run(LightField(plain.copy(), depth_sense="cameras"))
+    assert report["disparity"]["confident"] is None
+
+
 def test_another_view():
     found, _ = run(make_plane(1), view="0,4", limits="-0.5:2.5")
     assert found.view == (0, 4)

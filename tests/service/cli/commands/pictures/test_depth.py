@@ -1,4 +1,5 @@
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,8 @@ def test_a_map_and_its_confidence(tmp_path, capsys):
     assert main(["depth", *MESH, "-o", str(tmp_path / "out.pfm"), "--report", str(tmp_path / "report.json")]) == 0
     disparity, confidence = read_pfm(tmp_path / "out.pfm"), read_pfm(tmp_path / "out_confidence.pfm")
     assert disparity.shape == confidence.shape == (20, 24)
-    assert "out.pfm: disparity -" in (out := capsys.readouterr()).out
+    out = capsys.readouterr()
+    assert re.search(r"out.pfm: disparity of view 1,1, -\S+ to -\S+ where the mesh is seen, ", out.out)
     assert "beside it out_confidence.pfm (decode " in out.out
     assert out.err == ""
     described = json.loads((tmp_path / "report.json").read_text())["disparity"]
@@ -30,11 +32,18 @@ def test_a_map_and_its_confidence(tmp_path, capsys):
     assert described["least"] == disparity.min()
 
 
-def test_a_light_field_in_colours(tmp_path):
+def test_a_light_field_in_colours(tmp_path, capsys):
     LightField(np.random.default_rng(0).integers(0, 256, (3, 3, 16, 20, 3), np.uint8)).save(tmp_path / "in.npz")
     words = ["depth", str(tmp_path / "in.npz"), "--to", "viridis", "--view", "0,1", "--limits", "-1:1"]
     assert main([*words, "-o", str(tmp_path / "out.png")]) == 0
     assert decode((tmp_path / "out.png").read_bytes(), name="out").shape == (16, 20, 3)
+    assert re.search(r" where texture has a confidence of 0\.\d+ or more, 16x20 pixels", capsys.readouterr().out)
+
+
+def test_a_light_field_without_texture(tmp_path, capsys):
+    LightField(np.full((3, 3, 16, 20, 3), 128, np.uint8)).save(tmp_path / "in.npz")
+    assert main(["depth", str(tmp_path / "in.npz"), "-o", str(tmp_path / "out.npy")]) == 0
+    assert "out.npy: disparity of view 1,1, which has too little texture to tell, 16x20" in capsys.readouterr().out
 
 
 def test_a_model_is_rendered_again(tmp_path, capsys):
