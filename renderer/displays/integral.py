@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import math
 import tomllib
 from dataclasses import dataclass
@@ -122,7 +123,10 @@ def parse_display(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pi
         found = tomllib.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:  # no UTF-8, no TOML, or a number of thousands of digits
         why = f" ({clean_text(str(error))[:100]})" if isinstance(error, tomllib.TOMLDecodeError) else ""
-        raise Unreadable(f"{name}: not TOML{why}; docs/displays.md has a file to begin with") from error
+        remedy = "docs/displays.md has a file to begin with"
+        if data.lstrip(codecs.BOM_UTF8).lstrip().startswith(b"{"):
+            why, remedy = " but JSON", "give a lenticular display's calibration as the option calibration"
+        raise Unreadable(f"{name}: not TOML{why}; {remedy}") from error
     panel, lenses, viewer = (_Table(found.pop(key, {}), key, name) for key in ("panel", "lenses", "viewer"))
     if found:
         raise InvalidOption(

@@ -83,7 +83,10 @@ def parse_calibration(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMIT
     try:
         found = json.loads(data)
     except (ValueError, RecursionError) as error:
-        raise Unreadable(f"{name}: not JSON; give the calibration that the display holds (visual.json)") from error
+        remedy = "give the calibration that the display holds (visual.json)"
+        if b"[panel]" in data:
+            remedy = "this describes a panel under lenses; give it as the option display"
+        raise Unreadable(f"{name}: not JSON; {remedy}") from error
     if not isinstance(found, dict):
         raise Unreadable(f"{name}: no calibration; give the JSON that the display holds (visual.json)")
     width, height, dpi = (_read(found, key, name, (1, 1e5)) for key in ("screenW", "screenH", "DPI"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -76,7 +77,7 @@ class WriterOptions:
         unknown = sorted(given.keys() - set(known))
         if unknown:
             raise InvalidOption(f"{unknown[0][:40]!r}: no such option; known are {', '.join(known)}")
-        files = {name: read_text(Path(given[name])) for name in TEXT_FILES if given.get(name)}
+        files = {name: read_description(name, Path(given[name])) for name in TEXT_FILES if given.get(name)}
         for name, value in given.items():
             is_number, is_whole = name in RANGES, isinstance(getattr(cls, name), int)
             if name not in files and not isinstance(value, int if is_whole else (int, float) if is_number else str):
@@ -86,6 +87,20 @@ class WriterOptions:
             if is_number and not least <= value <= most:
                 raise InvalidOption(f"{name}: {str(value)[:40]} is out of range; give {least:g} to {most:g}")
         return cls(**{**given, **files})
+
+
+def read_description(name: str, path: Path) -> str:
+    """The text of the display's file for the option `name` of `TEXT_FILES`; errors in it name the file.
+
+    Raises as `read_text`, and as `parse_calibration` or `parse_display`.
+    """
+    from ciir.renderer.displays.integral import parse_display  # here: clients of a server don't need them
+    from ciir.renderer.displays.lenticular import parse_calibration
+
+    text = read_text(path)
+    parse = parse_calibration if name == "calibration" else parse_display
+    parse(text.encode(), name=str(path), max_pixels=sys.maxsize)  # the limit on pixels is that of the run
+    return text
 
 
 def read_text(path: Path) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ciir.errors import InvalidOption
 from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.writers.atomic_write import replacing
-from ciir.renderer.writers.options import TEXT_FILES, read_text
+from ciir.renderer.writers.options import TEXT_FILES, read_description
 from ciir.renderer.writers.writer import report_json
 from ciir.service.errors import join_lines
 from ciir.service.pipeline.options import KINDS
@@ -32,7 +32,9 @@ _PREFIX = "option_"
 def parse_options(args: argparse.Namespace, kind: KindName = "reconstruction") -> Options:
     """The options on the command line, with the defaults of that kind of job. Raises `InvalidOption`."""
     given = {key.removeprefix(_PREFIX): text for key, text in vars(args).items() if key.startswith(_PREFIX)}
-    return KINDS[kind].parse(given | {name: read_text(Path(given[name])) for name in TEXT_FILES if name in given})
+    return KINDS[kind].parse(
+        given | {name: read_description(name, Path(given[name])) for name in TEXT_FILES if name in given}
+    )
 
 
 def read_count(option: str, text: str, least: int, most: int, *, example: int) -> int:

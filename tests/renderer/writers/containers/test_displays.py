@@ -120,9 +120,10 @@ def test_views_that_are_not_opaque_are_laid_over_black_with_a_note(tmp_path, mon
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """The current folder, with a panel's file and two that are none."""
+    """The current folder, with the files of two displays and two that are none."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "p.toml").write_text(PANEL)
+    (tmp_path / "c.json").write_text(json.dumps(CALIBRATION))
     (tmp_path / "p.bin").write_bytes(b"\xff\xfe")
     (tmp_path / "long.toml").write_text("#" * 70_000)
     return tmp_path
@@ -152,6 +153,8 @@ def folder(tmp_path, monkeypatch):
             "conversion: 'x' is not known; give spoc",
         ),
         ("panel", {"display": "none.toml"}, Unreadable, "none.toml: No such file"),
+        ("panel", {"display": "c.json"}, Unreadable, "^c.json: not TOML but JSON; .* as the option calibration$"),
+        ("lenticular", {"calibration": "p.toml"}, Unreadable, "^p.toml: not JSON; .* as the option display$"),
         ("panel", {"display": "p.bin"}, Unreadable, "p.bin: no text in UTF-8"),
         ("panel", {"display": "long.toml"}, TooLarge, "long.toml: over 65,536 bytes"),
     ],

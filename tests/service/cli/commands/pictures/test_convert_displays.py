@@ -37,6 +37,7 @@ def folder(tmp_path, monkeypatch):
     LightField(VIEWS, depth_sense="cameras").save("in.npz")
     (tmp_path / "c.json").write_text(json.dumps(CALIBRATION))
     (tmp_path / "p.toml").write_text(PANEL)
+    (tmp_path / "in.json").write_text('"text"')
     return tmp_path
 
 
@@ -162,7 +163,10 @@ def test_meshes_and_light_fields_become_a_panels_picture(folder, capsys):
         ("in.npz -o a.npy --calibration c.json", "a.npy: a lenticular is written as .png, .tif, .tiff, .webp; end"),
         ("in.npz -o a.jpg --display p.toml", "a.jpg: a panel is written as .png, .tif, .tiff, .webp; end"),
         ("in.npz -o a.png --display none.toml", "none.toml: No such file"),
-        ("in.npz -o a.png --display c.json", "; docs/displays.md has a file to begin with"),
+        ("in.npz -o a.png --display c.json", "c.json: not TOML but JSON; give a lenticular display's calibration"),
+        ("in.npz -o a.png --calibration p.toml", "p.toml: not JSON; this describes a panel under lenses; give it as"),
+        ("in.npz -o a.png --display in.json", "in.json: not TOML ("),
+        ("in.npz -o a.png --calibration in.json", "in.json: no calibration; give the JSON that the display holds"),
         ("in.npz -o a.png --display p.toml --conversion x", "conversion: 'x' is not known; give spoc or none"),
         ("in.npz -o a.png --display p.toml --disparity x", "disparity: 'x' is not a number"),
         ("in.npz -o a.png --display p.toml --zoom 2", "zoom: this is for meshes and in.npz holds pictures"),
