@@ -22,6 +22,8 @@ Grid = Literal["square", "hexagonal"]
 Stripes = Literal["rgb", "bgr", "none"]
 INCH = 25.4
 """Millimetres."""
+ROUNDING = 1e-3
+"""Of a lens that may be missing where a whole number of them fits: lengths are written with few digits."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ class IntegralDisplay:
 
     def lens_array(self) -> LensArray:
         """The lenses that fit over the panel, and the directions of the pixels under one, for `framing.frame_scene`."""
-        cols, rows = (max(1, int(side / self.lens_pitch)) for side in self.size)
+        cols, rows = (max(1, int(side / self.lens_pitch + ROUNDING)) for side in self.size)
         pixels = max(1, round(self.lens_pitch / self.pixel_pitch))
         return LensArray(rows, cols, pixels, pixels, pitch=self.lens_pitch, delta=2 * self.tangent_range / pixels)
 

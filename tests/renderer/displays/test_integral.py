@@ -133,6 +133,11 @@ def test_lines_of_a_near_viewer_meet_at_the_eye():
     assert np.abs(lens - far).max() > 0.9  # at the border another lens is in the way
 
 
+@pytest.mark.parametrize(("pixel", "lenses"), [(0.1111111111, 61), (0.11111, 61), (0.111, 60)])
+def test_as_many_lenses_fit_as_do_but_for_rounding(pixel, lenses):
+    assert IntegralDisplay(549, 549, pixel, 1.0, 3.0).lens_array().cols == lenses
+
+
 def test_its_lens_array_covers_the_panel_and_its_directions():
     array = parse(FULL).lens_array()
     assert (array.cols, array.rows, array.pitch) == (1536, 864, 1.25)
