@@ -76,7 +76,8 @@ class Calibration:
 
 
 def parse_calibration(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pixels) -> Calibration:
-    """The calibration in a JSON file, `{"pitch": {"value": 49.9}, ...}` or with plain numbers, as displays hold it.
+    """The calibration in a JSON file, `{"pitch": {"value": 49.9}, ...}` or with plain numbers, as displays hold it,
+    perhaps as the entry `calibration` of an object.
 
     Raises `Unreadable` where a number is missing or out of range, `TooLarge` over `max_pixels`.
     """
@@ -87,6 +88,8 @@ def parse_calibration(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMIT
         if b"[panel]" in data:
             remedy = "this describes a panel under lenses; give it as the option display"
         raise Unreadable(f"{name}: not JSON; {remedy}") from error
+    if isinstance(found, dict) and isinstance(found.get("calibration"), dict):
+        found = found["calibration"]
     if not isinstance(found, dict):
         raise Unreadable(f"{name}: no calibration; give the JSON that the display holds (visual.json)")
     width, height, dpi = (_read(found, key, name, (1, 1e5)) for key in ("screenW", "screenH", "DPI"))

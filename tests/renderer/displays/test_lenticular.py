@@ -156,6 +156,13 @@ def test_a_real_calibration_is_read():
     assert found.tilt == pytest.approx(1600 / 2560 / 5.8)
 
 
+def test_a_calibration_may_be_an_entry_of_an_object():
+    wrapped = json.dumps({"serial": "TEST", "calibration": CALIBRATION}).encode()
+    assert parse_calibration(wrapped, name="c.json") == make_calibration()
+    with pytest.raises(Unreadable, match=r"^c.json: screenW is missing"):
+        parse_calibration(b'{"calibration": {}}', name="c.json")
+
+
 def test_a_pattern_of_subpixels_is_noted():
     assert make_calibration().notes == ()
     assert "taken as stripes" in make_calibration(CellPatternMode=2.0).notes[0]
