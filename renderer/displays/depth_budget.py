@@ -84,13 +84,13 @@ def describe_light_field(cameras: Pixels, display: IntegralDisplay, disparity: f
 
 def describe_native(cameras: Pixels, calibration: Calibration, disparity: float) -> tuple[str, ...]:
     """As `describe_light_field`, of a native picture: the depth of `measure_lenticular`, which moves by a lens from one
-    of the `3 width / pitch` directions under it to the next, in pixels of a view from one of the `U` views to the next.
+    of its `directions` to the next, in pixels of a view from one of the `U` views to the next.
     """
     _, size_u, height, width, _ = cameras.shape
     if size_u == 1:
         return ()
     shown = max(width, height * calibration.aspect)  # with the borders of `pad_to_aspect`
-    moved = shown / calibration.pitch * 3 * calibration.width / calibration.pitch / (size_u - 1)
+    moved = shown / calibration.pitch * calibration.directions / (size_u - 1)
     return (_describe_sharp(cameras, moved, disparity),)
 
 
@@ -164,10 +164,10 @@ def measure_quilt(scene: Scene, screen: Screen, views: int, pixels: int) -> Dept
 def measure_lenticular(scene: Scene, screen: Screen, calibration: Calibration) -> DepthBudget:
     """The budget of a scene in a native picture, in screen heights.
 
-    As `measure_integral`: each lens shows as many directions as there are subpixels under it.
+    As `measure_integral`: each lens shows as many directions as there are subpixels, or pixels of no stripes, under it.
     """
     lens = screen.aspect / calibration.pitch
-    step = 2 * np.tan(np.radians(screen.cone) / 2) / (3 * calibration.width / calibration.pitch)
+    step = 2 * np.tan(np.radians(screen.cone) / 2) / calibration.directions
     return _measure_at_screen(scene, screen, lens / float(step))
 
 

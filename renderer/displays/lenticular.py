@@ -15,11 +15,12 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
+from ciir.renderer.displays.integral import Stripes
 from ciir.renderer.displays.interpolation import weigh_neighbours
 from ciir.renderer.displays.progress import ignore_progress, run_parts
 from ciir.renderer.limits import DEFAULT_LIMITS
@@ -47,11 +48,16 @@ class Calibration:
     """invView: the views run from right to left."""
     flips: tuple[bool, bool] = (False, False)
     """flipImageX and flipImageY: whether the content is mirrored along x, and along y."""
-    is_bgr: bool = False
-    """flipSubp: whether the subpixels are blue, green, red from the left."""
+    stripes: Stripes = "rgb"
+    """subpixels, else flipSubp: the colours of a pixel's thirds from the left; none: they lie at one place."""
     cone: float = 40.0
     """viewCone: degrees between the outermost views."""
     notes: tuple[str, ...] = ()
+
+    @property
+    def directions(self) -> float:
+        """How many places of views lie under a lens."""
+        return (1 if self.stripes == "none" else 3) * self.width / self.pitch
 
     @property
     def aspect(self) -> float:
@@ -66,7 +72,7 @@ class Calibration:
     def view_places(self, row: int) -> NDArray[np.float64]:
         """The place of the view, 0 (leftmost camera) to 1, that red, green and blue of a pixel show: `(width, 3)`."""
         x, y = self._positions(row)
-        subpixel = np.array([2, 1, 0] if self.is_bgr else [0, 1, 2])
+        subpixel = np.array({"rgb": (0, 1, 2), "bgr": (2, 1, 0), "none": (0, 0, 0)}[self.stripes])
         places = (x[:, None] + subpixel / (3 * self.width) + y * self.tilt) * self.pitch - self.center
         places -= np.floor(places)
         return 1 - places if self.is_inverted else places
@@ -77,7 +83,8 @@ class Calibration:
 
 def parse_calibration(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pixels) -> Calibration:
     """The calibration in a JSON file, `{"pitch": {"value": 49.9}, ...}` or with plain numbers, as displays hold it,
-    perhaps as the entry `calibration` of an object.
+    perhaps as the entry `calibration` of an object. An entry `"subpixels"`, which displays don't hold, is `"rgb"`,
+    `"bgr"` or, for prints, `"none"`, in place of `flipSubp`.
 
     Raises `Unreadable` where a number is missing or out of range, `TooLarge` over `max_pixels`.
     """
@@ -113,7 +120,7 @@ def parse_calibration(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMIT
         ppi=dpi,
         is_inverted=_is_set(found, "invView", name),
         flips=(mirrored, _is_set(found, "flipImageY", name)),
-        is_bgr=_is_set(found, "flipSubp", name),
+        stripes=_read_stripes(found, name),
         cone=_read(found, "viewCone", name, (1, 120), 40.0),
         notes=notes if pattern else (),
     )
@@ -131,6 +138,14 @@ def _read(found: dict[str, Any], key: str, name: str, span: tuple[float, float],
 
 def _is_set(found: dict[str, Any], key: str, name: str) -> bool:
     return _read(found, key, name, (0, 1), 0.0) > 0.5
+
+
+def _read_stripes(found: dict[str, Any], name: str) -> Stripes:
+    stripes: Stripes = found.get("subpixels", "bgr" if _is_set(found, "flipSubp", name) else "rgb")
+    if stripes not in get_args(Stripes):
+        given = clean_text(str(stripes))[:40]
+        raise Unreadable(f"{name}: subpixels is {given!r}; give {' or '.join(map(repr, get_args(Stripes)))}")
+    return stripes
 
 
 def interlace(views: Pixels, calibration: Calibration, *, progress: Progress = ignore_progress) -> Pixels:

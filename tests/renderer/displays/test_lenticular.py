@@ -131,6 +131,17 @@ def test_flags_change_the_picture(key):
     assert np.mean(one != other) > 0.2
 
 
+def test_prints_have_all_colours_of_a_pixel_at_one_place():
+    plain = parse_calibration(json.dumps(CALIBRATION | {"subpixels": "none"}).encode(), name="c.json")
+    places = plain.view_places(3)
+    assert np.array_equal(places, make_calibration().view_places(3)[:, [0, 0, 0]])
+    assert plain.directions == make_calibration().directions / 3
+    grey = np.random.default_rng(0).integers(0, 256, (5, 16, 24, 1), np.uint8)
+    assert np.ptp(interlace(grey, plain), axis=2).max() == 0
+    bgr = parse_calibration(json.dumps(CALIBRATION | {"subpixels": "bgr"}).encode(), name="c.json")
+    assert bgr == make_calibration(flipSubp=1.0)
+
+
 def test_rays_make_the_same_native_picture_directly():
     calibration = make_calibration()
     screen = Screen(QUILT.aspect, calibration.cone)
@@ -177,6 +188,7 @@ def test_a_pattern_of_subpixels_is_noted():
         (b'{"screenW": 9, "screenH": 9, "DPI": 300, "slope": 0, "pitch": 40}', "slope is 0; give .* 10000 for"),
         (b'{"screenW": "9"}', "screenW is the text '9'; give a number from 1 to 100000"),
         (b'{"screenW": NaN}', "screenW is nan"),
+        (json.dumps(CALIBRATION | {"subpixels": "x"}).encode(), "subpixels is 'x'; give 'rgb' or 'bgr' or 'none'"),
         (b'{"screenH": 9}', "screenW is missing; give a number from"),
     ],
 )
