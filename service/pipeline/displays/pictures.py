@@ -55,8 +55,9 @@ def make_picture(
 ) -> tuple[DisplayPicture, Report]:
     """The picture for the display that `options` describe, and the report.
 
-    A mesh is cast ray by ray; without `place` it stands astride the display's plane. `kind`: by default the one that
-    the options are for. `named`: the layout in a quilt's name. `max_pixels`: most pixels of the picture, and most rays.
+    A mesh is cast ray by ray; without `place` it stands astride the display's plane, with `fit` none at its own place.
+    `kind`: by default the one that the options are for. `named`: the layout in a quilt's name. `max_pixels`: most
+    pixels of the picture, and most rays.
 
     Raises `InputError`.
     """
@@ -74,7 +75,8 @@ def make_picture(
     matrix = None
     with clock.stage("render" if isinstance(content, Scene) else "map"):
         if isinstance(content, Scene):
-            options = replace(options, place=0.0) if options.place is None else options
+            if options.place is None and options.fit != "none":
+                options = replace(options, place=0.0)
             check_rays(count_rays(target, options), max_pixels)
             matrix = frame_scene(content, _find_array(target), options.placement)
             picture = _render(content.transform(matrix), options, target, progress)

@@ -145,6 +145,17 @@ def test_meshes_and_light_fields_become_a_panels_picture(folder, capsys):
     assert json.loads((folder / "r.json").read_text())["display"]["distance"] is None
 
 
+def test_with_fit_none_a_mesh_stays_at_its_own_place(folder):
+    """A square 2 mm wide, 1 mm to the right of the panel's middle, in the plane of its lenses."""
+    (folder / "a.obj").write_text("v 0 -1 0\nv 2 -1 0\nv 2 1 0\nv 0 1 0\nf 1 2 3 4\n")
+    assert convert("a.obj -o a.png --display p.toml --fit none --report r.json") == 0
+    assert json.loads((folder / "r.json").read_text())["scene_transform"] == np.eye(4).tolist()
+    is_seen = read(folder / "a.png").max(axis=2) > 0
+    assert not is_seen[:, :25].any()
+    assert is_seen[18:22, 35:45].all()
+    assert not is_seen[:, 55:].any()
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
