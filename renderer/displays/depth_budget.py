@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -37,8 +38,8 @@ class DepthBudget:
     """Share of the scene's surface that leaves the frame in at least one direction that the display shows."""
     unit: str
 
-    def notes(self) -> tuple[str, ...]:
-        """The budget in sentences, for the report."""
+    def notes(self, zoom: float = 1.0) -> tuple[str, ...]:
+        """The budget in sentences, for the report. `zoom`: with which the scene was framed."""
         unit = self.unit
         extent = f"{_place(self.farthest, unit)} to {_place(self.nearest, unit)}"
         lines = [
@@ -47,15 +48,17 @@ class DepthBudget:
         if self.blurred:
             lines.append(
                 f"depth: {_percent(self.blurred)} of the surface is beyond that and blurs; "
-                f"at {self._fit():.2g} times the size (zoom) all of it would be sharp"
+                f"with zoom {self._find_zoom(zoom):g} all of it would be sharp"
             )
         if self.cut:
             lines.append(f"depth: {_percent(self.cut)} of the surface leaves the frame in some directions")
         return tuple(lines)
 
-    def _fit(self) -> float:
-        """The factor on the scene's size at which nothing blurs."""
-        return self.sharp / max(self.nearest, -self.farthest)
+    def _find_zoom(self, zoom: float) -> float:
+        """The largest zoom of two digits with which nothing blurs, where the scene was framed with `zoom`."""
+        most = zoom * self.sharp / max(self.nearest, -self.farthest)
+        digit = 10.0 ** (math.floor(math.log10(most)) - 1)
+        return digit * math.floor(most / digit + 1e-9)
 
 
 def measure_integral(scene: Scene, display: IntegralDisplay) -> DepthBudget:

@@ -152,7 +152,7 @@ def _render(scene: Scene, options: Options, target: Target, progress: Progress) 
         pixels = join_views(views, layout)
         budget = measure_quilt(scene, screen, layout.count, target.tile[1])
     ppi = None if isinstance(target, Quilt) else target.ppi
-    return DisplayPicture(pixels, (*budget.notes(), *caster.notes(), *check.list_notes()), layout, ppi)
+    return DisplayPicture(pixels, (*budget.notes(options.zoom), *caster.notes(), *check.list_notes()), layout, ppi)
 
 
 def _find_aspect(source: Source, light_field: LightField) -> float:
