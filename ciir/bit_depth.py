@@ -31,6 +31,13 @@ def count_unused_bits(*pictures: NDArray[Any]) -> int:
     return BITS - max(LEAST, largest.bit_length())
 
 
+def count_unused_camera_bits(*pictures: NDArray[Any]) -> int:
+    """How many of 16 bits the camera of 16-bit `pictures` doesn't have, for outputs of 8 bits: as `count_unused_bits`,
+    but even. Cameras have 8, 10, 12, 14 or 16 bits, so that a brightest level of 11 bits is a darker picture of 12.
+    """
+    return count_unused_bits(*pictures) // 2 * 2
+
+
 def raise_levels(picture: NDArray[Any], unused: int) -> NDArray[Any]:
     """`picture` with its colours multiplied by `2**unused`, a new array where that is not 1."""
     if not unused:

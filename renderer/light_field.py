@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ciir.bit_depth import count_unused_camera_bits, raise_levels
 from ciir.errors import InvalidOption
 from ciir.renderer.levels import advise_levels, round_levels
 from ciir.renderer.views import center_view, check_depth_sense, flip_axes, is_turned, read_index
@@ -148,10 +149,11 @@ class LightField:
         return save_light_field(self, read_path(path), format, WriterOptions.convert(options))
 
     def _repr_png_(self) -> bytes:
-        """The centre view, for Jupyter."""
+        """The centre view, for Jupyter; levels of a camera of fewer bits than 16 fill the range."""
         from ciir.renderer.writers.pictures import encode_png
 
-        return encode_png(self.view(*center_view(*self.views.shape[:2])))
+        view = self.view(*center_view(*self.views.shape[:2]))
+        return encode_png(raise_levels(view, count_unused_camera_bits(self.views)))
 
     def epi(
         self, *, y: int | None = None, x: int | None = None, v: int | None = None, u: int | None = None

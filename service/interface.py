@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
 import numpy as np
 
+from ciir.bit_depth import count_unused_camera_bits, raise_levels
 from ciir.errors import InvalidOption, UnsuitedModel
 from ciir.models.catalogue import list_entries
 from ciir.renderer.light_field import LightField
@@ -67,8 +68,9 @@ class Reconstruction:
         )
 
     def _repr_png_(self) -> bytes:
-        """The first view, for Jupyter."""
-        return encode_png(next(iter(self.views.values())))
+        """The first view, for Jupyter; levels of a camera of fewer bits than 16 fill the range."""
+        views = list(self.views.values())
+        return encode_png(raise_levels(views[0], count_unused_camera_bits(*views)))
 
 
 def open(  # noqa: A001 - `ciir.open`, as in Pillow

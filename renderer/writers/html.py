@@ -12,7 +12,9 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
+from ciir.bit_depth import count_unused_camera_bits
 from ciir.errors import InvalidOption
+from ciir.renderer.levels import note_rounding, round_to_8_bit
 from ciir.renderer.views import parse_views
 from ciir.renderer.writers.pictures import encode
 from ciir.renderer.writers.writer import Writer, file_name
@@ -34,7 +36,7 @@ class HtmlWriter(Writer):
 
     def __init__(self, file: IO[bytes]) -> None:
         self._file = file
-        self._views: dict[View, str] = {}
+        self._views: dict[View, Pixels | str] = {}
 
     def begin(self, contents: Contents) -> None:
         """Refuses some views of a light field, and more than `MOST_VIEWS`."""
@@ -49,18 +51,17 @@ class HtmlWriter(Writer):
         self._contents = contents
 
     def write(self, view: View, pixels: Pixels) -> str:
-        """Adds a picture."""
-        if pixels.dtype == np.uint16:
-            pixels = (pixels / 257).round().astype(np.uint8)
-        jpeg = encode(pixels[..., : 1 if pixels.shape[2] < 3 else 3], ".jpg")
-        self._views[view] = "data:image/jpeg;base64," + base64.b64encode(jpeg).decode()
+        """Adds a picture; one of 16 bit is kept as it is, as only all views show how many bits the camera has."""
+        self._views[view] = pixels if pixels.dtype == np.uint16 else _encode(pixels)
         return file_name(view)
 
     def finish(self, report: dict[str, Any]) -> None:
         """Writes the page, and adds notes on what it doesn't hold to the report."""
         contents = self._contents
         notes = ["html: alpha is left out"] * (contents.channels in (2, 4))
-        notes += ["html: 16 bits are rounded to 8"] * (contents.dtype.itemsize > 1)
+        kept = [pixels for pixels in self._views.values() if not isinstance(pixels, str)]
+        unused = count_unused_camera_bits(*kept) if kept else 0
+        notes += note_rounding("html", contents.dtype, unused)
         if notes:
             report["notes"] += notes
         light_field = {
@@ -70,7 +71,10 @@ class HtmlWriter(Writer):
             "height": contents.height,
             "depthSense": contents.depth_sense,
             "scale": contents.scale,
-            "views": [self._views[view] for view in sorted(self._views)],
+            "views": [
+                pixels if isinstance(pixels, str) else _encode(round_to_8_bit(pixels, unused))
+                for _, pixels in sorted(self._views.items())
+            ],
         }
         folder = files("ciir.renderer.writers") / "viewer"
         script = "\n".join((folder / name).read_text("utf-8") for name in MODULES)
@@ -81,3 +85,9 @@ class HtmlWriter(Writer):
             light_field=json.dumps(light_field),
         )
         self._file.write(filled.encode())
+
+
+def _encode(pixels: Pixels) -> str:
+    """A picture of 8 bit as the address of a JPEG."""
+    jpeg = encode(pixels[..., : 1 if pixels.shape[2] < 3 else 3], ".jpg")
+    return "data:image/jpeg;base64," + base64.b64encode(jpeg).decode()

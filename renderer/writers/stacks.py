@@ -14,7 +14,7 @@ from typing import IO, TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from ciir.renderer.levels import round_levels
+from ciir.renderer.levels import note_rounding, round_levels
 from ciir.renderer.writers import pictures
 from ciir.renderer.writers.archives import add_array
 from ciir.renderer.writers.atomic_write import Staged
@@ -58,6 +58,8 @@ class Stack:
     """The report so far."""
     fps: float | None = None
     """Frames per second of a video, by default the writer's."""
+    unused: int = 0
+    """Of `ciir.bit_depth.count_unused_camera_bits` of all views: a video raises planes by that."""
 
     def __len__(self) -> int:
         return len(self.names)
@@ -159,7 +161,8 @@ def _write_video(file: IO[bytes], stack: Stack, name: str) -> list[str]:
     writer = cast("PathWriter", FORMATS[name].make_writer(file, options))
     height, width, channels = stack.shape
     writer.check(Contents(((0, 0),), (1, 1), height, width, channels, stack.dtype))
-    return writer.write_frames(_list_frames(stack, back))
+    notes = writer.write_frames(_list_frames(stack, back))
+    return notes + note_rounding(name, stack.dtype, stack.unused)
 
 
 def _list_frames(stack: Stack, back: range) -> Iterator[NDArray[np.uint8]]:
@@ -168,17 +171,18 @@ def _list_frames(stack: Stack, back: range) -> Iterator[NDArray[np.uint8]]:
     is_kept = len(stack) * height * width * 3 <= KEPT
     kept = {}
     for number, plane in enumerate(stack.make([*range(len(stack)), *(() if is_kept else back)])):
-        frame = _to_rgb8(plane, stack.dtype)
+        frame = _to_rgb8(plane, stack)
         if is_kept:
             kept[number] = frame
         yield frame
     yield from (kept[number] for number in back if is_kept)
 
 
-def _to_rgb8(plane: NDArray[np.float32], dtype: np.dtype[Any]) -> NDArray[np.uint8]:
+def _to_rgb8(plane: NDArray[np.float32], stack: Stack) -> NDArray[np.uint8]:
     """Grey becomes RGB, alpha is left out."""
     colours = plane[..., :3] if plane.shape[2] >= 3 else plane[..., :1].repeat(3, axis=2)
-    levels: NDArray[np.uint8] = np.rint(colours * np.float32(255 / np.iinfo(dtype).max)).clip(0, 255).astype(np.uint8)
+    scale = np.float32(255 / np.iinfo(stack.dtype).max * 2**stack.unused)
+    levels: NDArray[np.uint8] = np.rint(colours * scale).clip(0, 255).astype(np.uint8)
     return levels
 
 

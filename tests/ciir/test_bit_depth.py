@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ciir.bit_depth import count_unused_bits, lower_levels, raise_levels
+from ciir.bit_depth import count_unused_bits, count_unused_camera_bits, lower_levels, raise_levels
 from ciir.models import catalogue
 from ciir.models.light_field.views import upscale_views
 from ciir.models.single.pixels import upscale_pixels
@@ -18,6 +18,11 @@ def test_unused_bits_are_counted(largest, unused):
     picture = np.array([[[0, largest, 0]]], np.uint16)
     assert count_unused_bits(picture) == unused
     assert count_unused_bits(picture, np.full((1, 1, 3), 65535, np.uint16)) == 0
+
+
+@pytest.mark.parametrize(("largest", "unused"), [(65535, 0), (30000, 0), (4095, 4), (1800, 4), (1023, 6), (200, 8)])
+def test_cameras_have_an_even_number_of_bits(largest, unused):
+    assert count_unused_camera_bits(np.array([[[0, largest, 0]]], np.uint16)) == unused
 
 
 def test_8_bits_are_all_used_and_alpha_does_not_count():

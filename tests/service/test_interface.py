@@ -71,6 +71,16 @@ def test_a_result_is_saved(tmp_path, name):
         assert all(np.array_equal(saved.view(v, u), picture) for (v, u), picture in result.views.items())
 
 
+def test_levels_of_10_bits_fill_the_range_in_jupyter():
+    """By the brightest view, not by the one that is shown."""
+    views = np.full((3, 3, 8, 8, 1), 100, np.uint16)
+    views[0, 0] = 1000
+    light_field = ciir.LightField(views)
+    result = ciir.reconstruct(light_field, model="none", views="all")
+    assert {decode(light_field._repr_png_(), name="x").max(), light_field.view(1, 1).max()} == {6400, 100}
+    assert decode(result._repr_png_(), name="x").max() == 64000
+
+
 def test_pictures_show_in_jupyter():
     result = ciir.reconstruct("scene:vase", model="none", **SMALL)
     shown = decode(result._repr_png_(), name="x")

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ciir.bit_depth import count_unused_camera_bits, raise_levels
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -22,7 +24,8 @@ def draw_grid(picture: Pixels, grid: LensGrid) -> NDArray[np.uint8]:
     channels = [0, 1, 2] if picture.shape[2] >= 3 else [0, 0, 0]
     drawn: NDArray[np.uint8] = picture[..., channels].astype(np.uint8)
     if picture.dtype == np.uint16:
-        drawn = (picture[..., channels] >> 8).astype(np.uint8)
+        raised = raise_levels(picture, count_unused_camera_bits(picture))
+        drawn = (raised[..., channels] >> 8).astype(np.uint8)
     rows = max(_STRIP // width, 1)
     for top in range(0, height, rows):
         points = np.moveaxis(np.mgrid[top : min(top + rows, height) + 1, 0 : width + 1], 0, -1)

@@ -46,11 +46,14 @@ def list_positions(path: PathName, frames: int, grid: tuple[int, int]) -> list[t
     return positions
 
 
-def draw_frames(light_field: LightField, path: PathName, frames: int) -> Iterator[NDArray[np.uint8]]:
-    """What the camera sees at each position, `(H, W, 3)`: between views the nearest four, blended bilinearly."""
+def draw_frames(light_field: LightField, path: PathName, frames: int, unused: int = 0) -> Iterator[NDArray[np.uint8]]:
+    """What the camera sees at each position, `(H, W, 3)`: between views the nearest four, blended bilinearly.
+
+    `unused`: of `ciir.bit_depth.count_unused_camera_bits`.
+    """
     views = light_field.with_depth_sense("cameras").views
     positions = list_positions(path, frames, (views.shape[0], views.shape[1]))
-    return (_to_rgb8(_blend(views, v, u)) for v, u in positions)
+    return (_to_rgb8(_blend(views, v, u) * 2**unused) for v, u in positions)
 
 
 def _blend(views: NDArray[Any], v: float, u: float) -> NDArray[np.float32]:
@@ -64,9 +67,11 @@ def _blend(views: NDArray[Any], v: float, u: float) -> NDArray[np.float32]:
     return blended / np.float32(np.iinfo(views.dtype).max)
 
 
-def to_rgb8(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.uint8]:
-    """A picture as a frame, `(H, W, 3)`: grey becomes RGB, alpha is left out, 16 bit are rounded."""
-    return _to_rgb8(pixels.astype(np.float32) / np.float32(np.iinfo(pixels.dtype).max))
+def to_rgb8(pixels: NDArray[np.uint8] | NDArray[np.uint16], unused: int = 0) -> NDArray[np.uint8]:
+    """A picture as a frame, `(H, W, 3)`: grey becomes RGB, alpha is left out, 16 bit are raised by `unused` bits and
+    rounded.
+    """
+    return _to_rgb8(pixels.astype(np.float32) * 2**unused / np.float32(np.iinfo(pixels.dtype).max))
 
 
 def _to_rgb8(picture: NDArray[np.float32]) -> NDArray[np.uint8]:

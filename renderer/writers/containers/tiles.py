@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image
 
+from ciir.bit_depth import count_unused_camera_bits
 from ciir.errors import InvalidOption
+from ciir.renderer.levels import note_rounding, round_to_8_bit
 from ciir.renderer.readers.names import TILES
 from ciir.renderer.writers.pictures.jpeg import MAX_SIDE, encode
 from ciir.renderer.writers.whole import WholeWriter
@@ -74,6 +76,7 @@ class TilesWriter(WholeWriter):
     def encode(self, light_field: LightField) -> list[str]:
         """Writes the zip, whose local headers have the sizes: a reader needs no directory."""
         rows, cols, height, width, channels = light_field.views.shape
+        unused = count_unused_camera_bits(light_field.views)
         tiles = plan_tiles(rows, height, width)
         assert self._contents is not None  # noqa: S101 - `begin` was called: the contract of Writer
         size = {"rows": rows, "cols": cols, "height": height, "width": width, "scale": self._contents.scale}
@@ -81,23 +84,21 @@ class TilesWriter(WholeWriter):
         with zipfile.ZipFile(self.file, "w", zipfile.ZIP_STORED) as archive:
             archive.writestr(zipfile.ZipInfo(DESCRIPTION, ZIP_DATE), json.dumps(described))
             for tile in tiles:
-                jpeg = encode(_draw(light_field, tile), QUALITY)
+                jpeg = encode(_draw(light_field, tile, unused), QUALITY)
                 archive.writestr(zipfile.ZipInfo(tile.file, ZIP_DATE), jpeg)
         notes = [f"tiles are JPEG of quality {QUALITY}"]
         notes += ["tiles: alpha is left out"] * (channels in (2, 4))
-        notes += ["tiles: 16 bits are rounded to 8"] * (light_field.views.itemsize > 1)
-        return notes
+        return notes + note_rounding(self.name, light_field.views.dtype, unused)
 
 
-def _draw(light_field: LightField, tile: Tile) -> NDArray[np.uint8]:
-    """`(H, W)` or `(H, W, 3)`."""
+def _draw(light_field: LightField, tile: Tile, unused: int) -> NDArray[np.uint8]:
+    """`(H, W)` or `(H, W, 3)`; `unused`: of `count_unused_camera_bits` of all views."""
     views = light_field.views[tile.row : tile.row + tile.rows]
     rows, cols, _, _, channels = views.shape
     kept = 1 if channels < 3 else 3
     mosaic = np.empty((rows, tile.cell_height, cols, tile.cell_width, kept), np.uint8)
     for v, u in np.ndindex(rows, cols):
-        view = views[v, u, ..., :kept]
-        pixels = view if view.dtype == np.uint8 else (view / 257).round().astype(np.uint8)
+        pixels = round_to_8_bit(views[v, u, ..., :kept], unused)
         if pixels.shape[:2] != (tile.height, tile.width):
             picture = Image.fromarray(np.ascontiguousarray(pixels[..., 0] if kept == 1 else pixels))
             small = np.asarray(picture.resize((tile.width, tile.height), Image.Resampling.BOX))

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from ciir.bit_depth import count_unused_camera_bits
 from ciir.errors import InvalidOption
+from ciir.renderer.levels import note_rounding
 from ciir.renderer.writers.containers.camera_paths import draw_frames, list_positions, to_rgb8
 from ciir.renderer.writers.options import WriterOptions
 from ciir.renderer.writers.whole import WholeWriter
@@ -61,15 +63,16 @@ class PathWriter(WholeWriter):
     def encode(self, light_field: LightField) -> list[str]:
         """Writes the frames, and notes what is lost."""
         views = light_field.views
+        unused = count_unused_camera_bits(views)
         if self.times:
-            notes = self.write_frames(to_rgb8(views[0, number]) for number in range(self.count))
+            notes = self.write_frames(to_rgb8(views[0, number], unused) for number in range(self.count))
         else:
-            notes = self.write_frames(draw_frames(light_field, self.options.path, self.count))
+            notes = self.write_frames(draw_frames(light_field, self.options.path, self.count, unused))
             if views.shape[0] * views.shape[1] > 1:
                 notes.append(
                     "between views the nearest are blended: what moves by more than a pixel is seen twice there"
                 )
-        return [*notes, *self._list_losses(views.shape[4], views.dtype)]
+        return [*notes, *self._list_losses(views.shape[4], views.dtype, unused)]
 
     def stream(self, contents: Contents, pictures: Iterable[Pixels]) -> list[str]:
         """Writes one view at several times, as `begin` and `write` do, but keeps no picture; returns notes."""
@@ -77,12 +80,11 @@ class PathWriter(WholeWriter):
         notes = self.write_frames(map(to_rgb8, pictures))
         return [*notes, *self._list_losses(contents.channels, contents.dtype)]
 
-    def _list_losses(self, channels: int, dtype: np.dtype[Any]) -> list[str]:
+    def _list_losses(self, channels: int, dtype: np.dtype[Any], unused: int = 0) -> list[str]:
         notes = []
         if len(self.times) > 2 and np.ptp(steps := np.diff(self.times)) > _SAME_STEP * abs(steps).max():
             notes.append(f"time: the times are uneven, and the frames pass evenly, {self.fps:g} a second")
-        if dtype == np.uint16:
-            notes.append(f"{self.name} holds 8 bit: samples are rounded")
+        notes += note_rounding(self.name, dtype, unused)
         if channels in (2, 4):
             notes.append(f"{self.name}: alpha is left out")
         return notes

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ciir.bit_depth import count_unused_camera_bits
 from ciir.errors import InvalidOption, TooLarge
 from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.focus.all_in_focus import focus_everywhere
@@ -106,6 +107,7 @@ class _Planes:
             make=self._make,
             describe=self._describe,
             fps=self._options.fps,
+            unused=count_unused_camera_bits(light_field.views),
         )
 
     def _list_names(self) -> Iterator[str]:

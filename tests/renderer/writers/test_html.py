@@ -46,6 +46,14 @@ def test_what_it_does_not_hold_is_noted(tmp_path):
     assert LightField(views[..., :3].astype(np.uint8)).save(tmp_path / "a.html") == ()
 
 
+def test_levels_of_cameras_of_fewer_bits_fill_the_range_in_all_views_alike(tmp_path):
+    notes = LightField(make_light_field(np.uint16).views // 64).save(tmp_path / "a.html")
+    assert notes[-1] == "html: no level is over 1023, so levels are multiplied by 64"
+    found = read_data((tmp_path / "a.html").read_text())["views"]
+    for address, colour in zip(found, COLOURS.reshape(6, 3), strict=True):
+        assert np.abs(decode(b64decode(address.split(",")[1]), name="view").astype(int) - colour).max() <= 3
+
+
 def test_nothing_is_loaded_from_elsewhere(tmp_path):
     make_light_field().save(tmp_path / "a.html")
     assert not re.search(r"https?:|src=|href=|^import", (tmp_path / "a.html").read_text(), re.MULTILINE)

@@ -100,6 +100,20 @@ def test_a_video_goes_to_the_last_plane_and_back(monkeypatch, kept, asked):
     assert shown == pytest.approx([30, 80, 130, 180, 230, 180, 130, 80], abs=4)  # lossy
 
 
+def test_a_video_of_10_bits_fills_the_range():
+    planes = np.broadcast_to(np.array([120, 1000], np.float32)[:, None, None, None], (2, 64, 64, 1))
+    stack = Stack(**{**vars(make_stack(planes, np.uint16)), "unused": 6})
+    file, notes = write("webm", stack)
+    rounded, raised = "webm: 16 bits are rounded to 8", "no level is over 1023, so levels are multiplied by 64"
+    assert notes[1:] == [rounded, f"webm: {raised}"]
+    with av.open(file) as video:
+        shown = [frame.to_ndarray(format="rgb24").mean() for frame in video.decode(video=0)]
+    assert shown == pytest.approx([30, 249], abs=4)  # lossy
+    file, _ = write("stack", stack)
+    with tifffile.TiffFile(file) as tiff:
+        assert [page.asarray().max() for page in tiff.pages] == [120, 1000]  # 16 bits keep their levels
+
+
 def test_a_rate_that_viewers_dont_keep_is_refused_before_any_plane():
     order = []
     stack = make_stack(asked=order)

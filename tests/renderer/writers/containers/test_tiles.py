@@ -113,6 +113,17 @@ def test_what_is_left_out_is_noted(tmp_path, channels, dtype, notes):
             assert np.abs(pixels - expected).max() <= JPEG
 
 
+@pytest.mark.parametrize("bits", [8, 10, 12])
+def test_levels_of_cameras_of_fewer_bits_fill_the_range_in_all_views_alike(tmp_path, bits):
+    field = make_field(channels=1, dtype=np.uint16)
+    notes = LightField(field.views >> (16 - bits), depth_sense="cameras").save(tmp_path / "a.zip", "tiles")
+    assert notes[-1] == f"tiles: no level is over {2**bits - 1}, so levels are multiplied by {2 ** (16 - bits)}"
+    with zipfile.ZipFile(tmp_path / "a.zip") as archive:
+        for tile in json.loads(archive.read("light_field.json"))["tiles"][1:]:
+            for view, pixels in read_views(archive, tile, 4):
+                assert np.abs(pixels - field.views[view][..., 0] / 257).max() <= JPEG + 1
+
+
 @given(st.integers(1, 4), st.integers(1, 4), st.integers(1, 20), st.integers(1, 20))
 @settings(max_examples=30)
 def test_any_size_is_read_back(rows, cols, height, width):

@@ -81,7 +81,20 @@ def test_odd_sides_are_padded(tmp_path, height, width):
 @pytest.mark.parametrize("name", FORMATS)
 def test_what_is_lost_is_noted(tmp_path, name):
     notes = make_field(dtype=np.uint16, channels=4).save(tmp_path / f"a{FORMATS[name]}", frames=2)
-    assert [f"{name} holds 8 bit: samples are rounded", f"{name}: alpha is left out"] == list(notes[-2:])
+    assert [f"{name}: 16 bits are rounded to 8", f"{name}: alpha is left out"] == list(notes[-2:])
+
+
+@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize("bits", [8, 10, 12])
+def test_levels_of_cameras_of_fewer_bits_fill_the_range(tmp_path, name, bits):
+    views = make_field(dtype=np.uint16).views >> (16 - bits)
+    views[0, 0] //= 2  # a darker view stays darker
+    notes = LightField(views, depth_sense="cameras").save(tmp_path / f"a{FORMATS[name]}", name, frames=2)
+    assert f"{name}: no level is over {2**bits - 1}, so levels are multiplied by {2 ** (16 - bits)}" in notes
+    make_field().save(tmp_path / f"b{FORMATS[name]}", name, frames=2)
+    (found, _), (expected, _) = (read(tmp_path / f"{stem}{FORMATS[name]}", name) for stem in "ab")
+    for one, other in zip(found, expected, strict=True):
+        assert np.abs(one.astype(int) - other).mean() < 4  # lossy
 
 
 @pytest.mark.parametrize(

@@ -116,6 +116,13 @@ def test_planes_are_in_the_units_of_the_views():
     np.testing.assert_array_equal(round_levels(planes[0], stack.dtype), wide.refocus(0.0))
 
 
+def test_unused_bits_are_those_of_all_views():
+    views = np.full((3, 3, 8, 8, 1), 1000, np.uint16)
+    views[0, 0, 0, 0] = 4000
+    _, stack, _ = run(LightField(views), stack="-1:1:3")
+    assert stack.unused == 4
+
+
 def test_progress_counts_views_and_planes():
     seen = []
     refocus(
