@@ -33,8 +33,10 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.options.lenslet import GridShape, Pitch
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.run import Progress
+    from ciir.service.pipeline.source import SupportsRead
 
-    Given = str | PathLike[str] | LightField
+    File = str | PathLike[str] | bytes | SupportsRead
+    Given = File | LightField
 
 Picture = TypeVar("Picture", np.uint8, np.uint16)
 
@@ -74,7 +76,7 @@ class Reconstruction:
 
 
 def open(  # noqa: A001 - `ciir.open`, as in Pillow
-    path: str | PathLike[str],
+    path: File,
     *,
     lenses: tuple[int, int] | None = None,
     pixels: tuple[int, int] | None = None,
@@ -98,6 +100,8 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     """Reads a light field: an elemental image array, a raw lenslet picture, a folder or zip of views, or a container
     of `docs/formats.md` such as `.npz`, `.mat`, `.h5`, a TIFF stack or a video.
 
+    `path`: of it, or its content as bytes or as a file object that is open for reading bytes, whose `name` gives the
+    suffix where it has one.
     `lenses`: rows and columns of lenses; `pixels`: rows and columns of pixels under each. An elemental image array
     needs one of them. `pickup`: `optical` where each elemental image is turned by 180 degrees, as real lenses do.
     `frame`: of a video of elemental image arrays, which have `lenses`, the one to read.
@@ -142,14 +146,14 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
         source = draw_grid_at(source, asked, show_grid)
     content = Input(source).read(asked)
     if isinstance(content, Scene):
-        raise InvalidOption(f"{path}: a mesh has no views yet; use ciir.render to make them")
+        raise InvalidOption(f"{Input(source).name}: a mesh has no views yet; use ciir.render to make them")
     if progress is not None:
         progress(1, 1)
     return content
 
 
 def render(
-    mesh: str | PathLike[str],
+    mesh: File,
     *,
     lenses: tuple[int, int] = (100, 100),
     pixels: tuple[int, int] = (15, 15),
@@ -171,6 +175,8 @@ def render(
     progress: Progress | None = None,
 ) -> LightField:
     """Renders all views of a mesh: a file, a folder or zip with one, or `scene:vase`, `scene:globe`, `scene:hamburger`.
+
+    `mesh`: also the content of a file, as for `open`.
 
     `lenses`: rows and columns, the pixels of a view; `pixels`: rows and columns under a lens, the number of views.
     `sampling`: `pinhole`, one point for each lens; `lenslet`, the mean over the pitch. `backend`: `raster` (OpenGL),
@@ -273,7 +279,8 @@ def upscale(
 def reconstruct(source: Given, *, progress: Progress | None = None, **options: Any) -> Reconstruction:
     """Runs the main job in memory: views of a mesh, an elemental image array or a set of views, upscaled.
 
-    `source`: a file, a folder, a zip, `scene:NAME`, or a light field. `options` are those of `ciir reconstruct`:
+    `source`: a file, a folder, a zip, `scene:NAME`, a light field, or the content of a file, as for `open`. `options`
+    are those of `ciir reconstruct`:
     `lenses`, `pixels`: (rows, columns); `views`: `"center"`, `"cross"`, `"all"` or pairs (v, u); `model`, `strategy`,
     `backend`, `sampling`, `pickup`, `arrangement`, `order`, `flip`, `depth_sense`, `fit`: names;
     `crop`: (top, left, bottom, right); `scale`; `skip`, `transpose`: bools; `background`: RGB from 0 to 255; `pitch`,

@@ -5,15 +5,16 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
-from ciir.errors import InvalidOption
+from ciir.errors import InvalidOption, TooLarge
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle, read_file
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
+from ciir.renderer.readers.names import clean_text
 from ciir.renderer.readers.registry import LYTRO, LYTRO_RAW, MeshFormat, PictureFormat, is_picture
 from ciir.renderer.readers.view_set.order import ASKED, reorient, take_order
 from ciir.renderer.readers.view_set.view_files import ViewFiles
@@ -30,6 +31,16 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ciir.renderer.readers.pictures import Pixels
+
+
+@runtime_checkable
+class SupportsRead(Protocol):
+    """A file object that is open for reading bytes."""
+
+    def read(self, size: int, /) -> bytes:
+        """At most `size` bytes; none at the end."""
+        ...
+
 
 Source = Bundle | LightField | Scene | str
 """Files, a light field or a mesh in memory, or the name of a scene of `renderer.scenes`."""
@@ -252,17 +263,38 @@ def _make_pose(options: Options) -> MeshPose:
     return MeshPose(times[0], options.camera, options.animation)
 
 
-def open_path(path: str | PathLike[str]) -> Source:
-    """`open_source` of a path, as Python's callers give it. Raises `InvalidOption` for what is none."""
+def open_path(path: str | PathLike[str] | bytes | SupportsRead) -> Source:
+    """`open_source` of a path, or the content of a file, alone or a zip, as bytes or as a file object that is open for
+    reading bytes, whose `name` gives the suffix where it has one. Raises `InvalidOption` for anything else.
+    """
+    if isinstance(path, bytes | bytearray | memoryview):
+        return Bundle.from_upload("bytes", bytes(path), read_limits())
+    if isinstance(path, SupportsRead) and not isinstance(path, os.PathLike):  # a path with a read() is a path
+        limits = read_limits()
+        given = getattr(path, "name", None)
+        name = given if isinstance(given, str) else "file"
+        return Bundle.from_upload(name, _read_all(path, name, limits.bytes), limits)
     try:
         text = os.fspath(path)
     except TypeError as error:
         raise InvalidOption(
-            f"a path, not {type(path).__name__}, is needed; give a file's name (ciir.LightField(array) takes views)"
+            f"a path, a file or bytes, not {type(path).__name__}, is needed; give a file's name "
+            "(ciir.LightField(array) takes views)"
         ) from error
-    if not isinstance(text, str):
-        raise InvalidOption("a path as text, not bytes, is needed; save the bytes to a file")
-    return open_source(text)
+    return open_source(os.fsdecode(text))
+
+
+def _read_all(file: SupportsRead, name: str, most: int) -> bytes:
+    """The rest of a file. Raises `InvalidOption` where it doesn't give bytes, `TooLarge` for more than `most`."""
+    data = bytearray()
+    while len(data) <= most:
+        part = file.read(most + 1 - len(data))
+        if not isinstance(part, bytes):
+            raise InvalidOption(f"file: its read() gives {type(part).__name__}, not bytes; open it with mode 'rb'")
+        if not part:
+            return bytes(data)
+        data += part
+    raise TooLarge(f"{clean_text(name)}: over {most:,} bytes, the most that are read; give a smaller file", "bytes")
 
 
 def as_light_field(picture: Pixels) -> LightField:

@@ -1,3 +1,5 @@
+import io
+
 import numpy as np
 import pytest
 
@@ -150,11 +152,14 @@ def test_options_of_a_wrong_type_are_one_line(options):
         (lambda _: ciir.reconstruct("scene:vase", lens_pitch=3), "lens_pitch: 3 is out of range; give 5 to 200"),
         (lambda _: ciir.reconstruct("scene:vase", lenses=(0, -1)), "give rows and columns from 1 to 999,999, such as"),
         (lambda _: ciir.open("scene:vase", white=3), "white: 3 is no name"),
-        (lambda _: ciir.open(EIA), "a path, not ndarray"),
+        (lambda _: ciir.open(EIA), "a path, a file or bytes, not ndarray"),
         (lambda _: ciir.upscale(EIA, model="field"), "field takes the views of a light field"),
         (lambda _: ciir.upscale(np.zeros((0, 5, 3), np.uint8)), r"views: an array of shape \(1, 1, 0, 5, 3\)"),
         (lambda _: ciir.render("scene:vase", **SMALL).eia(pickup="turned"), "pickup: 'turned'"),
-        (lambda _: ciir.open(EIA_PNG), "not bytes"),
+        (lambda _: ciir.open(EIA_PNG), "bytes: .*lenses"),
+        (lambda _: ciir.open(b"GIF"), "bytes: text of no known format"),
+        (lambda _: ciir.open(io.BytesIO()), r"file: the file is empty"),
+        (lambda _: ciir.open(io.StringIO("")), r"read\(\) gives str, not bytes; open it with mode 'rb'"),
         (lambda _: ciir.render("scene:vase", **SMALL).save("/proc/a/b.png"), "name a"),
         (lambda _: ciir.reconstruct("scene:vase", model="none", **SMALL).save("views.bmp"), r"\.bmp can't be written"),
         (lambda _: ciir.render("scene:vase", **SMALL).view(3, 0), "v goes from 0 to 2"),
@@ -164,6 +169,33 @@ def test_errors_are_one_line_with_the_remedy(tmp_path, cube_file, eia_file, call
     with pytest.raises(ciir.Error, match=words) as caught:
         call(tmp_path)
     assert "\n" not in str(caught.value)
+
+
+def test_bytes_and_open_files_are_read_as_files_are(eia_file, cube_file, tmp_path):
+    size = (6, 9)
+    expected = ciir.open(eia_file, lenses=size)
+    with eia_file.open("rb", buffering=0) as file:
+        assert np.array_equal(ciir.open(file, lenses=size), expected)
+    assert np.array_equal(ciir.open(EIA_PNG, lenses=size), expected)
+    assert np.array_equal(ciir.open(io.BytesIO(EIA_PNG), lenses=size), expected)
+    assert np.array_equal(ciir.render(cube_file.read_bytes(), **SMALL), ciir.render(cube_file, **SMALL))
+    assert ciir.reconstruct(EIA_PNG, lenses=size, model="none").report["input"]["name"] == "bytes"
+
+
+def test_open_files_stay_within_the_limit(monkeypatch):
+    monkeypatch.setenv("CIIR_MAX_UNPACKED_BYTES", "1000000")
+    asked = []
+
+    class Endless:
+        name = 3
+
+        def read(self, size):
+            asked.append(size)
+            return bytes(size)
+
+    with pytest.raises(ciir.TooLarge, match="file: over 1,000,000 bytes"):
+        ciir.open(Endless())
+    assert asked == [1_000_001]
 
 
 def test_the_order_of_views_is_checked_where_it_is_not_known(stand_in, tmp_path):
