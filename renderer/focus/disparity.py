@@ -54,7 +54,7 @@ MOVED = 0.3
 """Pixels a view by which the sides of an outline differ."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DisparityMap:
     """The disparity of each pixel of a view."""
 
@@ -77,6 +77,15 @@ class DisparityMap:
     def hci(self) -> NDArray[np.float32]:
         """The disparity in the sense of the HCI benchmark, larger is nearer: as with the depth sense `cameras`."""
         return self.disparity if self.depth_sense == "cameras" else -self.disparity
+
+    def __repr__(self) -> str:
+        rows, cols = self.disparity.shape
+        least, most = self.disparity.min(), self.disparity.max()
+        counted = f", {len(self.notes)} note{'s' * (len(self.notes) > 1)}" if self.notes else ""
+        return (
+            f"DisparityMap(view {self.view[0]},{self.view[1]}, {rows}x{cols} pixels, disparity {least:.3f} to "
+            f"{most:.3f}, depth sense {self.depth_sense}{counted})"
+        )
 
     def save(self, path: str | PathLike[str], /, format: str | None = None) -> dict[str, Any]:  # noqa: A002
         """Writes the map, and beside it the confidence, as `ciir.renderer.writers.depth.write_disparity`."""

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import ndimage
@@ -164,6 +166,13 @@ def test_ranges_in_corners_of_captured_light_fields(folder, pattern, view, least
     light_field = view_set.read(files, name=folder, layout=Layout(order=order)).load()
     (found,) = light_field.disparities([view])
     assert (found.planes[0], found.planes[-1]) == pytest.approx((least, largest), abs=1)
+
+
+def test_it_is_shown_in_one_line():
+    found = estimate_disparity(LightField(np.full((3, 3, 20, 24, 3), 9, np.uint8)))
+    text = f"DisparityMap(view 1,1, 20x24 pixels, disparity {found.disparity.min():.3f} to {found.disparity.max():.3f}"
+    assert repr(replace(found, notes=())) == text + ", depth sense lenses)"
+    assert repr(replace(found, notes=("a", "b"))) == text + ", depth sense lenses, 2 notes)"
 
 
 def test_one_view_is_refused():
