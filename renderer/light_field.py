@@ -193,6 +193,13 @@ class LightField:
         `disparity`: by how many pixels a point moves to the left from one view to the next on the right;
         `ciir.DepthScale` has that of a depth. The rest as for `planes`.
         """
+        if isinstance(disparity, np.ndarray) and disparity.ndim == 0:
+            disparity = disparity.item()
+        if isinstance(disparity, np.ndarray | list | tuple):
+            raise InvalidOption(
+                f"disparity: {type(disparity).__name__} is not one number; give one, as in 0.5, or several to "
+                "light_field.planes"
+            )
         if not isinstance(disparity, Real):
             raise InvalidOption(f"disparity: {str(disparity)[:40]!r} is no number; give pixels a view, as in 0.5")
         disparities = [float(disparity)]

@@ -74,6 +74,14 @@ def test_refocusing_keeps_the_type_of_the_pixels() -> None:
     assert light_field.disparity().disparity.shape == (20, 24)
 
 
+def test_refocusing_takes_one_number() -> None:
+    light_field = LightField(np.random.default_rng(5).integers(0, 256, (3, 3, 20, 24, 3), dtype=np.uint8))
+    assert np.array_equal(light_field.refocus(np.array(0.5)), light_field.refocus(0.5))
+    for several, kind in ((np.array([1.0]), "ndarray"), ([0.5, 1], "list")):
+        with pytest.raises(InvalidOption, match=f"^disparity: {kind} is not one number; .*planes"):
+            light_field.refocus(several)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_any_byte_order_is_taken(order: str) -> None:
     views = np.arange(2 * 2 * 4 * 4 * 3, dtype=f"{order}u2").reshape(2, 2, 4, 4, 3)
