@@ -38,18 +38,18 @@ def note_rounding(name: str, dtype: np.dtype[Any], unused: int) -> list[str]:
     return [f"{name}: 16 bits are rounded to 8", *([raised] if unused else [])]
 
 
-def advise_levels(views: Any) -> str:
-    """How to make 8 or 16 bits of `views`, by their range: shares of white, or levels.
+def advise_levels(views: Any, name: str = "views") -> str:
+    """How to make 8 or 16 bits of `views`, by their range, shares of white or levels, as code on a variable `name`.
 
     Resampled numbers lie a little outside of their range, so floating-point ones belong to a range up to twice its end.
     """
     if not isinstance(views, np.ndarray) or views.dtype.kind not in "iuf" or not views.size:
-        return "(255 * views).round().astype('u1')"
+        return f"(255 * {name}).round().astype('u1')"
     low, high = views.min(), views.max()
     beyond = 2 if views.dtype.kind == "f" else 1
     white = 255 if high <= 255 * beyond else 65535
     if not high > beyond:  # true for NaN, too
-        clipped = "views.clip(0, 1)" if low < 0 or high > 1 else "views"
+        clipped = f"{name}.clip(0, 1)" if low < 0 or high > 1 else name
         return f"(255 * {clipped}).round().astype('u1')"
-    clipped = f"views.clip(0, {white})" if low < 0 or high > white else "views"
+    clipped = f"{name}.clip(0, {white})" if low < 0 or high > white else name
     return f"{clipped}.round().astype('u{1 if white == 255 else 2}')"

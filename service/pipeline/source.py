@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 import numpy as np
 
 from ciir.errors import InvalidOption, TooLarge
+from ciir.renderer.levels import advise_levels
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle, read_file
 from ciir.renderer.readers.layout import Layout
@@ -298,11 +299,18 @@ def _read_all(file: SupportsRead, name: str, most: int) -> bytes:
 
 
 def as_light_field(picture: Pixels) -> LightField:
-    """One picture, `(H, W)` or `(H, W, C)`, as a light field of one view. Raises `InvalidOption` for other shapes."""
-    shape = getattr(picture, "shape", None)
-    if shape is None or len(shape) not in (2, 3):
-        given = type(picture).__name__ if shape is None else f"an array of shape {shape}"
+    """One picture, `(H, W)` or `(H, W, C)`, as a light field of one view. Raises `InvalidOption` for anything else."""
+    if not isinstance(picture, np.ndarray):
+        given = type(picture).__name__
+    elif picture.dtype.newbyteorder("=") not in (np.uint8, np.uint16):
         raise InvalidOption(
-            f"images: {given} is not taken; give a picture (H, W) or (H, W, C), or ciir.LightField(array) for views"
+            f"images: {picture.dtype.name} is not taken; give uint8 or uint16, as in {advise_levels(picture, 'images')}"
         )
-    return LightField(picture.reshape(1, 1, *shape[:2], shape[2] if len(shape) == 3 else 1))
+    elif picture.ndim not in (2, 3) or 0 in picture.shape or picture.shape[2:] > (4,):
+        given = f"an array of shape {picture.shape}"
+    else:
+        return LightField(picture.reshape(1, 1, *picture.shape[:2], -1))
+    raise InvalidOption(
+        f"images: {given} is not taken; give a picture (H, W) or (H, W, C) with 1 to 4 channels, or "
+        "ciir.LightField(array) for views"
+    )
