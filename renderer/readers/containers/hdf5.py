@@ -5,12 +5,14 @@
 - MATLAB 7.3: `LF[c, x, y, u, v]`, as HDF5 counts axes from the other end;
 - BasicLFSR: `Hr_SAI_y[U*x, V*y]`, the transposed mosaic of the views' luminance (Generate_Data_for_Training.py).
 
-Only plain data sets of the file itself are read: no links to other files, and no filters but deflate and shuffle.
+Only plain data sets of the file itself are read: no links to other files, and no filters but deflate, LZF
+and shuffle.
 """
 
 from __future__ import annotations
 
 import io
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import h5py
@@ -22,6 +24,8 @@ from ciir.renderer.readers.containers.samples import check_array, convert_sample
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from ciir.renderer.limits import Limits
@@ -34,8 +38,9 @@ MOSAIC_GRID = (5, 5)
 """Of BasicLFSR's samples where nothing else is known."""
 WEIGHT = "the fourth channel of LF is a weight, not alpha: it is left out"
 """A note."""
-NEEDED = "a light field LF with five axes, in no group and no struct"
-"""What a file must hold, for messages."""
+NEEDED = "a light field LF with five axes, in no struct"
+"""What a MAT file of version 5 must hold, for messages."""
+_NEEDED = "a light field LF with five axes, in no group or in one"
 LOGICAL = "logical"
 """MATLAB's class of true and false, stored as 1 and 0 of 8 bits."""
 _CLASS = "MATLAB_class"
@@ -43,7 +48,8 @@ _MOST_NAMES = 1000
 
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
-    """The light field `LF`, or else the only data set with five axes, or else a mosaic of BasicLFSR.
+    """The light field `LF`, or else the only data set with five axes, or else a mosaic of BasicLFSR; where nothing has
+    five axes, the only data set with five in the file's groups.
 
     Raises `Unreadable` where there is none, and `UnsupportedType` for one that is not stored in the file.
     """
@@ -52,12 +58,21 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
         mosaic = next((key for key in MOSAICS if len(shapes.get(key, ())) == 2), None)
         if mosaic is not None and "LF" not in shapes:
             return _read_mosaic(DataSet.open(file, mosaic, data, name), layout, limits)
-        stored = DataSet.open(file, find_light_field(shapes, name, NEEDED), data, name)
+        if not any(key == "LF" or len(shape) == 5 for key, shape in shapes.items()):
+            shapes |= _find_shapes_in_groups(file, list(shapes))
+        stored = DataSet.open(file, find_light_field(shapes, name, _NEEDED), data, name)
         is_hci, shape = HCI_ATTRIBUTE in file.attrs, stored.shape
         # Views have more pixels than there are views: in `[c, x, y, u, v]` x comes before u. MATLAB omits a c of 1.
         is_reversed = len(shape) == 5 and 1 < shape[0] <= 4 and shape[1] > shape[3]
         is_matlab = _CLASS in stored.handle.attrs or is_reversed
         return _read_matlab(stored, limits) if is_matlab and not is_hci else _read_plain(stored, limits, is_hci)
+
+
+def _find_shapes_in_groups(file: h5py.File, keys: Sequence[str]) -> dict[str, tuple[int, ...]]:
+    """The shapes of what lies in those of `keys` that are groups of the file itself, by `GROUP/NAME`."""
+    groups = [key for key in keys if isinstance(file.get(key, getlink=True), h5py.HardLink)]
+    inner = (f"{key}/{name}" for key in groups if isinstance(file[key], h5py.Group) for name in file[key])
+    return {key: find_shape(file, key) for key in islice(inner, _MOST_NAMES)}
 
 
 def refuse_logical(kind: str, name: str) -> None:

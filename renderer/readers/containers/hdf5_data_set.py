@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-_FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)
+_FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_LZF, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)
 _CHECKSUM_BYTES = 4
 
 
@@ -108,6 +108,10 @@ def _unpack_chunk(packed: bytes, filters: Sequence[int], count: int, dtype: np.d
     for number in reversed(filters):
         if number == h5py.h5z.FILTER_FLETCHER32:
             packed = packed[:-_CHECKSUM_BYTES]
+        elif number == h5py.h5z.FILTER_LZF:
+            import imagecodecs  # only where a file is packed by it
+
+            packed = bytes(imagecodecs.lzf_decode(packed, out=size + _CHECKSUM_BYTES + 1))
         elif number == h5py.h5z.FILTER_DEFLATE:
             packed = zlib.decompressobj().decompress(packed, size + _CHECKSUM_BYTES + 1)
         elif len(packed) == size:  # shuffled: first bytes of all samples first

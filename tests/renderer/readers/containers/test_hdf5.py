@@ -9,6 +9,8 @@ import pytest
 
 from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.limits import Limits
+from ciir.renderer.readers import inputs
+from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.containers import hdf5
 from ciir.renderer.readers.layout import Layout
 
@@ -53,7 +55,7 @@ def fill_reversed(dtype, channels, **options):
 
 @pytest.mark.parametrize("dtype", ["u1", "u2"])
 @pytest.mark.parametrize("channels", [1, 3])
-@pytest.mark.parametrize("options", [{}, {"compression": "gzip", "shuffle": True}])
+@pytest.mark.parametrize("options", [{}, *({"compression": name, "shuffle": True} for name in ("gzip", "lzf"))])
 def test_matlab_counts_axes_from_the_other_end(dtype, channels, options):
     check_places(read(made(fill_reversed(dtype, channels, **options))), channels)
 
@@ -80,6 +82,59 @@ def test_a_fill_value_of_no_size():
     data[place + 4 : place + 8] = (-2).to_bytes(4, "little", signed=True)
     with pytest.raises(ValueError, match="fill value"):
         read(bytes(data))
+
+
+@pytest.mark.parametrize("compression", ["lzf", "gzip"])
+def test_all_that_a_filter_packs_comes_out(compression):
+    stored = np.random.default_rng(0).integers(0, 2000, (2, 2, 20, 24, 3), np.uint16) // 500
+    options = {"compression": compression, "fletcher32": True}
+    found = read(made(lambda file: file.create_dataset("LF", data=stored, **options)))
+    np.testing.assert_array_equal(found.views, stored)
+
+
+@pytest.mark.parametrize("packed", [b"\0A\xff\xff\0", b"\x1f" + bytes(32) + b"\x1f" + bytes(32) + b"\x1f" + bytes(32)])
+def test_a_chunk_of_lzf_that_is_corrupt_or_unpacks_to_more(packed):
+    def fill(file):
+        found = file.create_dataset("LF", (1, 1, 4, 4, 3), "u1", chunks=(1, 1, 4, 4, 3), compression="lzf")
+        found.id.write_direct_chunk((0,) * 5, packed)
+
+    with pytest.raises(Unreadable, match=r"damaged or cut off|a chunk unpacks to"):
+        inputs.read(Bundle.from_upload("a.h5", made(fill)))
+
+
+def fill_groups(file):
+    file["data/LF"] = np.arange(240, dtype=np.uint8).reshape(2, 2, 4, 5, 3)
+    file["data/depth"] = np.zeros((4, 5))
+    file["scene/name"] = "knights"
+
+
+def test_a_light_field_in_a_group():
+    views = read(made(fill_groups)).views
+    np.testing.assert_array_equal(views, np.arange(240).reshape(2, 2, 4, 5, 3))
+
+
+def test_several_in_groups_and_links_there():
+    def fill(file):
+        fill_groups(file)
+        file["scene/LF"] = np.zeros((2, 2, 4, 5, 3), np.uint8)
+
+    def link(file):
+        file["data/LF"] = h5py.ExternalLink("/etc/other.h5", "LF")
+        file["other"] = h5py.ExternalLink("/etc/other.h5", "/")
+        file["deep/er/LF"] = np.zeros((2, 2, 4, 5, 3), np.uint8)
+
+    with pytest.raises(Unreadable, match=r"2 arrays have five axes \(data/LF, scene/LF\); name the light field LF"):
+        read(made(fill))
+    with pytest.raises(Unreadable, match=r"holds data, deep, other, data/LF, deep/er; give .* in no group or in one"):
+        read(made(link))
+
+
+def test_what_lies_in_no_group_comes_first():
+    def fill(file):
+        fill_groups(file)
+        file["views"] = np.full((2, 2, 4, 5, 3), 9, np.uint8)
+
+    assert (read(made(fill)).views == 9).all()
 
 
 @pytest.mark.parametrize("options", [{"fletcher32": True}, {"shuffle": True}, {"compression": "gzip"}])
@@ -197,7 +252,7 @@ def be_virtual(file):
 
 
 def be_packed_in_a_rare_way(file):
-    file.create_dataset("LF", data=np.zeros((2, 2, 4, 4, 3), "u1"), compression="lzf")
+    file.create_dataset("LF", data=np.zeros((2, 2, 4, 4, 3), "u1"), scaleoffset=0)
 
 
 def hold_text(file):

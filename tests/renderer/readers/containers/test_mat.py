@@ -105,7 +105,7 @@ def test_lf_among_other_variables():
     ("variables", "error", "message"),
     [
         ({"a": 1, "b": "x"}, Unreadable, "holds a 1x1, b 1x1; give a light field LF"),
-        ({"scene": {"LF": np.zeros((2, 2, 4, 4, 3))}}, Unreadable, "holds scene 1x1; .* in no group and no struct"),
+        ({"scene": {"LF": np.zeros((2, 2, 4, 4, 3))}}, Unreadable, "holds scene 1x1; .* in no struct"),
         ({"LF": np.full((3, 5), "a", object)}, Unreadable, "holds LF 3x5; give a light field LF with five axes"),
         (
             {"a": np.zeros((2, 2, 4, 4, 3)), "b": np.zeros((2, 2, 4, 4, 3))},
