@@ -7,11 +7,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.bit_depth import raise_levels
+from ciir.errors import Unreadable
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ciir.renderer.readers.pictures import Pixels
+
+ROUNDED = "samples are floating-point numbers, rounded to 16 bit"
+"""A note."""
+MARGIN = 0.49 / 65535
+"""By how much samples may pass 0 and 1, as they do by rounding: the level that is nearest is still the last one."""
+LEVELS = 2
+"""Floating-point samples over this are levels of 8 or 16 bits, as `advise_levels` takes them."""
 
 
 def round_levels(picture: NDArray[np.float32], dtype: np.dtype[Any]) -> Pixels:
@@ -36,6 +44,28 @@ def note_rounding(name: str, dtype: np.dtype[Any], unused: int) -> list[str]:
         return []
     raised = f"{name}: no level is over {2 ** (16 - unused) - 1}, so levels are multiplied by {2**unused}"
     return [f"{name}: 16 bits are rounded to 8", *([raised] if unused else [])]
+
+
+def round_samples(
+    picture: NDArray[np.floating[Any]], what: str, whole: NDArray[np.floating[Any]] | None = None
+) -> NDArray[np.uint16]:
+    """Samples from 0 to 1, of any shape, as 16 bits. `whole`: all pictures, by which the remedy is found.
+
+    Raises `Unreadable`, which starts with `what`, for samples that are not from 0 to 1.
+    """
+    low, high = float(picture.min()), float(picture.max())
+    if not (low >= -MARGIN and high <= 1 + MARGIN):  # false for NaN, too
+        found = "samples that are NaN" if np.isnan(low) else f"samples from {low:.7g} to {high:.7g}"
+        cleaned = "np.nan_to_num(array)" if np.isnan(low) else "array"
+        advice = f"as {cleaned}.clip(0, 1) has, or uint8 or uint16"
+        whole = picture if whole is None else whole
+        if LEVELS < whole.max() < np.inf:
+            advice = f"or uint8 or uint16, as in {advise_levels(whole)}"
+        raise Unreadable(f"{what} has {found}; give floating-point numbers from 0 to 1, {advice}")
+    rounded = np.empty(picture.shape, np.uint16)
+    white = picture.dtype.type(65535) if picture.itemsize > 2 else np.float32(65535)
+    np.rint(picture * white, casting="unsafe", out=rounded)
+    return rounded
 
 
 def advise_levels(views: Any, name: str = "views") -> str:

@@ -1,4 +1,4 @@
-"""Decodes pictures of 8 and 16 bit.
+"""Decodes pictures of 8 and 16 bit, and TIFFs of floating-point numbers, which become 16 bit.
 
 Sizes are checked before anything of that size is allocated. Colour profiles and gamma are ignored: pixels are taken as
 they are stored (`metadata.colour_profiles` has notes on that).
@@ -7,6 +7,7 @@ they are stored (`metadata.colour_profiles` has notes on that).
 from __future__ import annotations
 
 import logging
+from importlib import import_module
 from typing import TYPE_CHECKING, TypeAlias, cast
 
 import numpy as np
@@ -38,7 +39,8 @@ logging.getLogger("tifffile").addHandler(logging.NullHandler())
 def decode(
     data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pixels, check: Callable[[int, int], None] | None = None
 ) -> Pixels:
-    """A picture's pixels as stored, `(height, width, channels)`, 8 or 16 bit, turned as its orientation tag says.
+    """A picture's pixels as stored, `(height, width, channels)`, 8 or 16 bit, turned as its orientation tag says;
+    floating-point ones from 0 to 1 as 16 bit (`is_rounded`).
 
     PNG's palettes, 1 to 4 bits and transparent colour are expanded. The array may be read-only. `name` is for messages
     alone. `check(height, width)` is called before decoding and may raise an error of its own.
@@ -78,6 +80,12 @@ def decode(
         raise Unreadable(
             f"{name}: damaged or cut off (while the {found.name} picture was decoded); send the whole file"
         ) from error
+
+
+def is_rounded(data: bytes) -> bool:
+    """Whether the picture in `data`, which was decoded, is a TIFF of floating-point numbers."""
+    found = find_format(data)
+    return found is not None and found.name == "TIFF" and import_module("ciir.renderer.readers.tiff").is_rounded(data)
 
 
 def _turn_upright(pixels: Pixels, orientation: int) -> Pixels:

@@ -1,4 +1,7 @@
-"""Decodes TIFF: one page of 8 or 16 bit grey or RGB, with or without alpha (TIFF 6.0 and BigTIFF)."""
+"""Decodes TIFF: one page of 8 or 16 bit or floating-point grey or RGB, with or without alpha (TIFF 6.0 and BigTIFF).
+
+Floating-point samples, from 0 to 1, are rounded to 16 bit.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ import numpy as np
 import tifffile
 
 from ciir.errors import TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.levels import round_samples
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
@@ -24,6 +28,11 @@ COLOURS: dict[int, int] = {
     tifffile.PHOTOMETRIC.RGB: 3,
 }
 """The colour spaces that are read, and their channels without alpha."""
+BITS: dict[int, tuple[int, ...]] = {
+    tifffile.SAMPLEFORMAT.UINT: (8, 16),
+    tifffile.SAMPLEFORMAT.IEEEFP: (16, 32, 64),
+}
+"""The kinds of samples that are read, and their bits."""
 COMPRESSIONS: tuple[int, ...] = (
     tifffile.COMPRESSION.NONE,
     tifffile.COMPRESSION.LZW,
@@ -44,7 +53,13 @@ def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tu
         check_page(page, len(data), name, check_size)
         if len(file.pages) > 1:
             raise UnsupportedType(f"{name}: a TIFF of {len(file.pages)} pages; save each as a file of its own")
-        return read_page(page), int(page.tags.valueof(ORIENTATION, 1))
+        return read_page(page, name), int(page.tags.valueof(ORIENTATION, 1))
+
+
+def is_rounded(data: bytes) -> bool:
+    """Whether the samples of the first page are floating-point numbers."""
+    with tifffile.TiffFile(io.BytesIO(data)) as file:
+        return file.pages.first.sampleformat == tifffile.SAMPLEFORMAT.IEEEFP
 
 
 def find_profile(data: bytes) -> bytes | None:
@@ -64,9 +79,12 @@ def check_page(page: tifffile.TiffPage, file_bytes: int, name: str, check_size: 
     _check_segments(page, file_bytes, name)
 
 
-def read_page(page: tifffile.TiffPage) -> Pixels:
-    """Pixels of a page that was checked, `(H, W)` or `(H, W, C)`; black is 0."""
-    pixels: Pixels = page.asarray(maxworkers=1)
+def read_page(page: tifffile.TiffPage, what: str) -> Pixels:
+    """Pixels of a page that was checked, `(H, W)` or `(H, W, C)`; black is 0. Raises `Unreadable`, which starts with
+    `what`, for floating-point samples that are not from 0 to 1.
+    """
+    stored = page.asarray(maxworkers=1)
+    pixels: Pixels = round_samples(stored, what) if stored.dtype.kind == "f" else stored
     if page.axes == "SYX":
         pixels = np.moveaxis(pixels, 0, -1)
     if page.photometric == tifffile.PHOTOMETRIC.MINISWHITE:
@@ -83,7 +101,7 @@ def _check_kind(page: tifffile.TiffPage, name: str) -> None:
     colours = COLOURS.get(page.photometric) if isinstance(page.photometric, int) else None
     if colours is None:
         what = f"colours of kind {_label(page.photometric)}"
-    elif page.bitspersample not in (8, 16) or page.sampleformat != tifffile.SAMPLEFORMAT.UINT:
+    elif not isinstance(page.bitspersample, int) or page.bitspersample not in BITS.get(page.sampleformat, ()):
         what = f"{_label(page.bitspersample)}-bit {tifffile.SAMPLEFORMAT(page.sampleformat).name} samples"
     elif page.samplesperpixel not in (colours, colours + 1):
         what = f"{_label(page.samplesperpixel)} samples a pixel"
@@ -96,7 +114,7 @@ def _check_kind(page: tifffile.TiffPage, name: str) -> None:
     else:
         return
     raise UnsupportedType(
-        f"{name}: a TIFF of {what}; save it as 8 or 16 bit grey or RGB, with or without plain alpha, "
+        f"{name}: a TIFF of {what}; save it as 8 or 16 bit or floating-point grey or RGB, with or without plain alpha, "
         "uncompressed or by LZW, deflate or PackBits"
     )
 

@@ -11,6 +11,7 @@ import numpy as np
 from ciir.errors import InvalidOption
 from ciir.models import catalogue
 from ciir.models.single.skipping import SkipStatistics
+from ciir.renderer.levels import ROUNDED
 from ciir.renderer.limits import DEFAULT_LIMITS, Limits
 from ciir.renderer.readers import pictures
 from ciir.renderer.readers.metadata import colour_profiles
@@ -75,11 +76,13 @@ def upscale_files(
     done: list[dict[str, Any]] = []
     statistics = SkipStatistics()
     profiles: dict[str, list[str]] = {}
+    is_rounded = False
     for name, output in outputs.items():
         with clock.stage("decode"):
             pixels = pictures.decode(files[name], name=name, max_pixels=limits.pixels)
             if (profile := colour_profiles.name_profile(files[name])) is not None:
                 profiles.setdefault(profile, []).append(name)
+            is_rounded = is_rounded or pictures.is_rounded(files[name])
         _encode(pixels[:1, :1], output)  # what the format can't hold is found before the work
         check_size(pixels.shape[:2], scale, limit=max_pixels, what=name)
         with clock.stage("upscale"):
@@ -106,7 +109,8 @@ def upscale_files(
         "notes": [
             colour_profiles.describe_profile(profile, names[0] + (f" and {len(names) - 1} more" if names[1:] else ""))
             for profile, names in profiles.items()
-        ],
+        ]
+        + [ROUNDED] * is_rounded,
         "model": describe_model(name_of_model, scale),
         "skipped": describe_skipped(statistics),
         "timings_ms": clock.timings_ms(),

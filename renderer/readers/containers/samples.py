@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
-from ciir.renderer.levels import advise_levels
+from ciir.renderer.levels import ROUNDED, round_samples
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.readers.pictures import MAX_SIDE
 
@@ -21,12 +21,6 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.layout import Layout
     from ciir.renderer.views import DepthSense
 
-ROUNDED = "samples are floating-point numbers, rounded to 16 bit"
-"""A note."""
-MARGIN = 0.49 / 65535
-"""By how much samples may pass 0 and 1, as they do by rounding: the level that is nearest is still the last one."""
-LEVELS = 2
-"""Floating-point samples over this are levels of 8 or 16 bits, as `advise_levels` takes them."""
 TAKEN_AS_CAMERAS = (
     "depth: the file doesn't say what u and v count; they are taken as cameras from the left and from the top; where "
     "near and far are exchanged, as of pixels under a lens array, give depth_sense lenses"
@@ -120,21 +114,6 @@ def convert_samples(array: NDArray[Any], name: str) -> tuple[NDArray[Any], tuple
     if array.dtype.kind == "u":
         return array.astype(array.dtype.newbyteorder("="), copy=False), ()
     rounded = np.empty(array.shape, np.uint16)
-    for index in np.ndindex(array.shape[:2]):  # one view at a time: the temporary arrays are small
-        view = array[index]
-        low, high = float(view.min()), float(view.max())
-        if not (low >= -MARGIN and high <= 1 + MARGIN):  # false for NaN, too
-            found = "samples that are NaN" if np.isnan(low) else f"samples from {low:.7g} to {high:.7g}"
-            cleaned = "np.nan_to_num(array)" if np.isnan(low) else "array"
-            advice = f"as {cleaned}.clip(0, 1) has, or uint8 or uint16"
-            if LEVELS < array.max() < np.inf:
-                advice = f"or uint8 or uint16, as in {advise_levels(array)}"
-            raise Unreadable(
-                f"{name}: view {index[0]},{index[1]} has {found}; give floating-point numbers from 0 to 1, {advice}"
-            )
-        np.rint(
-            view * view.dtype.type(65535) if view.itemsize > 2 else view.astype(np.float32) * 65535,
-            casting="unsafe",
-            out=rounded[index],
-        )
+    for v, u in np.ndindex(array.shape[:2]):  # one view at a time: the temporary arrays are small
+        rounded[v, u] = round_samples(array[v, u], f"{name}: view {v},{u}", array)
     return rounded, (ROUNDED,)

@@ -15,6 +15,7 @@ import numpy as np
 import tifffile
 
 from ciir.errors import TooLarge, Unreadable
+from ciir.renderer.levels import ROUNDED
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import tiff
 from ciir.renderer.readers.containers.samples import check_array, settle_depth_sense, settle_grid
@@ -65,14 +66,16 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
         tiff.check_page(first, len(data), name, _allow)
         height, width, channels = first.imagelength, first.imagewidth, first.samplesperpixel
         check_array(name, (*grid, height, width, channels), dtype, limits)
-        views = np.empty((count, height, width, channels), dtype.newbyteorder("="))
+        is_rounded = dtype.kind == "f"
+        views = np.empty((count, height, width, channels), np.uint16 if is_rounded else dtype.newbyteorder("="))
         for number, page in enumerate(cast("Iterator[tifffile.TiffPage]", file.pages)):
             if (page.shape, page.dtype) != (first.shape, first.dtype):
                 raise Unreadable(f"{name}: page {number} is not like the first; make all views alike")
             tiff.check_page(page, len(data), name, _allow)
-            views[number] = tiff.read_page(page).reshape(height, width, channels)
+            views[number] = tiff.read_page(page, f"{name}: page {number}").reshape(height, width, channels)
     sense, guessed = settle_depth_sense(described.get("depth_sense"), layout)
-    return LightField(views.reshape(*grid, height, width, channels), notes + guessed, depth_sense=sense)
+    notes += guessed + (ROUNDED,) * is_rounded
+    return LightField(views.reshape(*grid, height, width, channels), notes, depth_sense=sense)
 
 
 def _allow(height: int, width: int) -> None:

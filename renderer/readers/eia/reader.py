@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 from ciir.errors import InvalidOption
+from ciir.renderer.levels import ROUNDED
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures
 from ciir.renderer.readers.eia.advice import (
@@ -46,7 +47,8 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     entry = find_format(data)
     is_jpeg = entry is not None and entry.name == "JPEG"
     found = read_pixels(picture, name=name, layout=layout, jpeg=data if is_jpeg else b"")
-    return replace(found, notes=(*found.notes, *note_profile(data, name)))
+    notes = (*note_profile(data, name), *((ROUNDED,) * pictures.is_rounded(data)))
+    return replace(found, notes=(*found.notes, *notes))
 
 
 def complete_layout(layout: Layout, data: bytes) -> Layout:

@@ -5,8 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tifffile
 
 from ciir.errors import InvalidOption, Unreadable, UnsupportedType
+from ciir.renderer.levels import ROUNDED
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
@@ -253,3 +255,21 @@ def test_a_container_that_is_cut_off_is_refused_without_messages_of_libraries(
         with pytest.raises(Unreadable, match=message) as caught:
             inputs.read(Bundle.from_upload(name, data[: int(len(data) * share)]))
         assert not any(word in str(caught.value) for word in ("reshape", "zip file", "object", "synchronously"))
+
+
+@pytest.mark.parametrize("is_set", [True, False])
+def test_tiffs_of_floating_point_numbers_are_rounded_with_a_note(is_set):
+    views = make_views((3, 3), side=16, channels=3)
+
+    def save(pixels):
+        file = io.BytesIO()
+        tifffile.imwrite(file, pixels.astype(np.float32) / 255, photometric="rgb")
+        return file.getvalue()
+
+    eia = LightField(views).eia()
+    named = {f"view_{v}_{u}.tif": save(views[v, u]) for v, u in np.ndindex(3, 3)}
+    data = make_zip(named) if is_set else save(eia)
+    layout = Layout(order="given") if is_set else Layout(lenses=(16, 16), arrangement="eia")
+    found = inputs.read(Bundle.from_upload("a.zip" if is_set else "a.tif", data), layout)
+    np.testing.assert_array_equal(found.views, views.astype(np.uint16) * 257)
+    assert ROUNDED in found.notes

@@ -134,6 +134,22 @@ def test_tiff_where_0_is_white_is_invert_grey() -> None:
     assert np.array_equal(read[..., 0], 255 - pixels)
 
 
+@pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64])
+@pytest.mark.parametrize("options", [{}, {"compression": "zlib", "predictor": True}])
+def test_tiff_of_floating_point_numbers_is_rounded_to_16_bit(dtype, options) -> None:
+    pixels = noise(5, 4, 3).astype(dtype) / 255
+    data = tiff(pixels, photometric="rgb", **options)
+    read = pictures.decode(data, name="x")
+    assert (read.dtype, pictures.is_rounded(data)) == (np.uint16, True)
+    assert np.abs(read - 65535 * pixels.astype(float)).max() <= 0.51
+    assert not pictures.is_rounded(tiff(noise(5, 4)))
+
+
+def test_tiff_of_numbers_beyond_1_is_refused_with_the_remedy() -> None:
+    with pytest.raises(Unreadable, match=r"a\.tif has samples from .*; give floating-point numbers from 0 to 1"):
+        pictures.decode(tiff(noise(5, 4).astype(np.float32)), name="a.tif")
+
+
 def test_tiff_orientation_is_undone() -> None:
     pixels = noise(5, 4, 3)
     read = pictures.decode(tiff(pixels, photometric="rgb", extratags=[(274, "H", 1, 6, True)]), name="x")
@@ -143,7 +159,6 @@ def test_tiff_orientation_is_undone() -> None:
 @pytest.mark.parametrize(
     ("data", "expected"),
     [
-        (tiff(noise(4, 4).astype(np.float32)), "32-bit IEEEFP"),
         (tiff(noise(4, 4).astype(np.int16)), "16-bit INT"),
         (tiff(noise(4, 4).astype(np.uint32)), "32-bit UINT"),
         (tiff(noise(4, 4, 4), photometric="separated"), "SEPARATED"),

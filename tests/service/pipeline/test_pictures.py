@@ -2,10 +2,12 @@ import io
 
 import numpy as np
 import pytest
+import tifffile
 from PIL import Image
 
 from ciir import models
 from ciir.errors import InputError, InvalidOption, UnsupportedScale
+from ciir.renderer.levels import ROUNDED
 from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.pictures import encode
 from ciir.service.pipeline.pictures import output_names, upscale_files
@@ -61,6 +63,13 @@ def test_errors_name_the_file():
         run({"a.png": good}, model="paper", scale=3)
     with pytest.raises(InvalidOption, match="none"):
         run({"a.png": good}, model="none")
+
+
+def test_floating_point_samples_are_noted():
+    file = io.BytesIO()
+    tifffile.imwrite(file, make_picture(5, 7).astype(np.float32) / 255, photometric="rgb")
+    _, report = run({"a.tif": file.getvalue()})
+    assert report["notes"] == [ROUNDED]
 
 
 def test_colour_profiles_that_are_not_srgb_are_noted_once_each():

@@ -7,6 +7,7 @@ import pytest
 import tifffile
 
 from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.levels import ROUNDED
 from ciir.renderer.light_field import LightField
 from ciir.renderer.limits import Limits
 from ciir.renderer.readers import inputs
@@ -65,6 +66,14 @@ def test_packed_grey_pages(options):
     np.testing.assert_array_equal(found.views[1, 0, ..., 0], PAGES[2, ..., 0])
 
 
+@pytest.mark.parametrize("dtype", ["f2", "f4", "f8"])
+def test_floating_point_samples_are_rounded_with_a_note(dtype):
+    pages = PAGES[:4].astype(dtype) / PAGES.max()
+    found = read(make(pages), pixels=(2, 2))
+    assert np.abs(found.views - 65535 * pages.astype("f8").reshape(found.views.shape)).max() <= 0.51
+    assert ROUNDED in found.notes
+
+
 @pytest.mark.parametrize(
     "text", ['{"shape": [5, 5, 1, 1]}', '{"shape": [-3, -4, 5, 7]}', '{"shape"', "{" * 60_000, "é{"]
 )
@@ -77,7 +86,8 @@ def test_a_description_of_others_is_ignored(text):
     [
         (make(), {"pixels": (5, 5)}, InvalidOption, "5x5 asks for 25 views, but a.tif has 12 pages"),
         (make([*PAGES[:3], PAGES[3, :4]]), {}, Unreadable, "page 3 is not like the first"),
-        (make(PAGES[:4].astype("f4")), {}, UnsupportedType, "32-bit IEEEFP samples"),
+        (make(PAGES[:4].astype("i4")), {}, UnsupportedType, "32-bit INT samples"),
+        (make(PAGES[:4].astype("f4")), {}, Unreadable, r"a.tif: page 0 has samples from 179 .* in views\.round\(\)"),
         (make()[:-300], {"pixels": (3, 4)}, Unreadable, "cut off|truncated"),
     ],
 )
