@@ -11,7 +11,7 @@ import numpy as np
 from ciir.bit_depth import count_unused_camera_bits, raise_levels
 from ciir.errors import InvalidOption
 from ciir.renderer.levels import advise_levels, round_levels
-from ciir.renderer.views import center_view, check_depth_sense, flip_axes, is_turned, read_index
+from ciir.renderer.views import advise_axes, center_view, check_depth_sense, flip_axes, is_turned, read_index
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -63,6 +63,7 @@ class LightField:
         if views.ndim != 5 or 0 in views.shape or views.shape[4] > 4:
             raise InvalidOption(
                 f"views: an array of shape {views.shape} is not taken; give (V, U, H, W, C) with 1 to 4 channels"
+                + advise_axes(views.shape, "views")
             )
         check_depth_sense(self.depth_sense)
 

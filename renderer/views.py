@@ -10,6 +10,8 @@ import numpy as np
 from ciir.errors import InvalidOption
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
 View = tuple[int, int]
@@ -96,3 +98,10 @@ def flip_axes(grid: NDArray[Any], axes: Flip, depth_sense: DepthSense) -> tuple[
     if axes in ("u", "uv"):
         return flipped, "lenses" if depth_sense == "cameras" else "cameras"
     return flipped, depth_sense
+
+
+def advise_axes(shape: Sequence[int], name: str) -> str:
+    """The end of a message that asks for `(V, U, H, W, C)`: how to make it of an array `name` of `(V, U, C, H, W)`."""
+    if len(shape) == 5 and shape[4] > 4 >= shape[2]:
+        return f"; of (V, U, C, H, W), as in np.moveaxis({name}, 2, -1)"
+    return ""

@@ -11,6 +11,7 @@ from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.levels import ROUNDED, round_samples
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.readers.pictures import MAX_SIDE
+from ciir.renderer.views import advise_axes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -92,7 +93,10 @@ def check_array(name: str, shape: Sequence[int], dtype: DTypeLike, limits: Limit
     if dtype.newbyteorder("=") not in (np.uint8, np.uint16, np.float16, np.float32, np.float64):
         raise UnsupportedType(f"{what}; give uint8, uint16, or floating-point numbers from 0 to 1")
     if len(shape) != 5 or min(shape) < 1 or shape[4] > 4:
-        raise Unreadable(f"{what}; give (V, U, H, W, C): rows and columns of views, and of pixels, 1 to 4 channels")
+        raise Unreadable(
+            f"{what}; give (V, U, H, W, C): rows and columns of views, and of pixels, 1 to 4 channels"
+            + advise_axes(shape, "array")
+        )
     views_v, views_u, height, width, _ = shape
     if views_v * views_u > limits.views:
         raise TooLarge(f"{what}; at most {limits.views:,} views are read; give fewer", "views")

@@ -276,3 +276,14 @@ def test_colours_before_rows_are_noted(tmp_path):
         np.save(tmp_path / "views.npy", np.zeros(shape, np.uint8))
         notes = "; ".join(ciir.open(tmp_path / "views.npy").notes)
         assert ("if they are 9 views of 3 colours, (N, 3, H, W), save np.moveaxis(array, 1, -1)" in notes) == is_noted
+
+
+@pytest.mark.parametrize(("shape", "is_advised"), [((3, 4, 3, 16, 20), True), ((3, 4, 16, 20, 5), False)])
+def test_axes_of_colours_before_pixels_have_a_remedy(shape, is_advised):
+    views = np.zeros(shape, np.uint8)
+    with pytest.raises(Unreadable) as caught:
+        inputs.read(Bundle.from_upload("a.npy", saved(views)))
+    assert str(caught.value).endswith("; of (V, U, C, H, W), as in np.moveaxis(array, 2, -1)") == is_advised
+    with pytest.raises(InvalidOption) as caught:
+        LightField(views)
+    assert str(caught.value).endswith("; of (V, U, C, H, W), as in np.moveaxis(views, 2, -1)") == is_advised
