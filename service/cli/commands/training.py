@@ -53,6 +53,11 @@ def _evaluate(args: argparse.Namespace) -> None:
         raise InvalidOption(
             "evaluate: give a MODEL and FOLDERs of pictures, or --light-field INPUT; see ciir evaluate --help"
         )
+    for name in names[1:]:
+        if Path(name).is_file():
+            raise InvalidOption(
+                f"{name}: a file, where a folder of pictures is needed; for a light field give --light-field {name}"
+            )
     from ciir.training.evaluation.pictures import describe_protocol, evaluate
 
     entries: list[dict[str, Any]] = []

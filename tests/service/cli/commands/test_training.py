@@ -30,6 +30,9 @@ def test_evaluate(tmp_path, capsys):
     assert (found["scores"][0]["count"], found["scores"][0]["psnr"]) == (1, None)
     capsys.readouterr()
     assert "no such folder" in fails(capsys, "evaluate", "nearest", tmp_path / "gone")
+    file = tmp_path / "a_HR.png"
+    assert f"{file}: a file, where a folder of pictures is needed" in fails(capsys, "evaluate", "nearest", file)
+    assert f"give --light-field {file}" in fails(capsys, "evaluate", "nearest", tmp_path, file)
     assert "gpt" in fails(capsys, "evaluate", "gpt", tmp_path)
     assert "_LR.png" in fails(capsys, "evaluate", "nearest", Path(__file__).parent)
 
