@@ -20,7 +20,7 @@ from tqdm import tqdm
 from ciir.cores import count_available_cores
 from ciir.models.sessions import open_session
 from ciir.training.data.downscale import Pair, downscale_picture
-from ciir.training.data.pictures import convert_to_input, find_pictures, read_rgb
+from ciir.training.data.pictures import convert_to_input, count_unused, find_pictures, read_rgb
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -48,10 +48,10 @@ def label_pictures(folder: Path, network: Path, out: Path, *, threads: int | Non
     session = open_session(network.read_bytes(), threads=threads or count_available_cores())
     name = session.get_inputs()[0].name
     out.mkdir(parents=True, exist_ok=True)
-    written = 0
+    written, unused = 0, count_unused(files)
     for file in tqdm(files, disable=None, desc="labelling", unit="picture"):
         low_path, high_path = (out / f"{file.stem}{suffix}" for suffix in (LOW, HIGH))
-        picture = read_rgb(file)
+        picture = read_rgb(file, unused=unused)
         if min(picture.shape[:2]) < LEAST * SCALE or high_path.exists():
             continue
         low = downscale_picture("bicubic", picture, SCALE).low

@@ -61,7 +61,10 @@ def read_picture(path: Path, *, unused: int = 0) -> Picture:
 
     Raises `ValueError` where it can't be read: truncated, not a picture, or CMYK.
     """
-    pixels = _decode(path)
+    return _convert(_decode(path), unused)
+
+
+def _convert(pixels: NDArray[np.uint8] | NDArray[np.uint16], unused: int) -> Picture:
     if pixels.dtype == np.uint8 and pixels.shape[2] in (1, 3):
         return pixels.astype(np.uint8)
     if pixels.dtype == np.uint16:
@@ -91,9 +94,12 @@ def _decode(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
     return decode(read_file(path, DEFAULT_LIMITS), name=str(path))
 
 
-def read_rgb(path: Path) -> Picture:
+def read_rgb(path: Path, *, unused: int = 0) -> Picture:
     """Reads a picture as `read_picture`, with grey as three equal channels: `(H, W, 3)`."""
-    pixels = read_picture(path)
+    return _repeat_grey(read_picture(path, unused=unused))
+
+
+def _repeat_grey(pixels: Picture) -> Picture:
     return pixels if pixels.shape[2] == 3 else np.repeat(pixels, 3, axis=2)
 
 
@@ -105,7 +111,8 @@ def convert_to_input(picture: Picture) -> NDArray[np.float32]:
 class Pictures:
     """A folder's pictures as 8-bit RGB `(H, W, 3)`, in the order of their names.
 
-    Each is decoded once at the start, to find errors early. The first ones are kept, up to `memory` bytes.
+    Each is decoded once at the start, to find errors early, and how many bits 16-bit ones use (`count_unused`). The
+    first ones are kept, up to `memory` bytes.
     """
 
     def __init__(self, folder: Path, *, memory: int = MEMORY) -> None:
@@ -114,13 +121,19 @@ class Pictures:
         self.sizes: list[tuple[int, int]] = []
         """Height and width of each."""
         self._kept: list[Picture] = []
-        left = memory
+        left, unused = memory, []
         for path in tqdm(self.files, disable=None, desc="reading", unit="picture", leave=False):
-            picture = read_rgb(path)
+            pixels = _decode(path)
+            if pixels.dtype == np.uint16:
+                unused.append(count_unused_bits(pixels))
+            picture = _repeat_grey(_convert(pixels, 0))
             self.sizes.append((picture.shape[0], picture.shape[1]))
             left -= picture.nbytes
             if left >= 0:
                 self._kept.append(picture)
+        self._unused = min(unused, default=0)
+        if self._unused:  # which all of them had to show first
+            self._kept = [read_rgb(path, unused=self._unused) for path in self.files[: len(self._kept)]]
 
     def __len__(self) -> int:
         return len(self.files)
@@ -129,7 +142,7 @@ class Pictures:
         """Raises `ValueError` where the file has changed since the start."""
         if index < len(self._kept):
             return self._kept[index]
-        picture = read_rgb(self.files[index])
+        picture = read_rgb(self.files[index], unused=self._unused)
         if picture.shape[:2] != self.sizes[index]:
             raise ValueError(f"{self.files[index]}: was changed during the run; start again")
         return picture

@@ -53,9 +53,11 @@ def make_picture_examples(folders: Sequence[Path], scale: int) -> list[Example]:
     for folder in folders:
         files = [file for file in pictures.find_pictures(folder) if not file.name.endswith("_LR.png")]
         chosen = files[:: max(1, len(files) // PICTURES)][:PICTURES]
+        unused = pictures.count_unused(chosen)
         for index, file in enumerate(chosen):
             kind = downscale.KINDS[index % len(downscale.KINDS)]
-            middle = _crop_middle(pictures.read_rgb(file), SIDE * downscale.cell_size(kind, scale))
+            read = pictures.read_rgb(file, unused=unused)
+            middle = _crop_middle(read, SIDE * downscale.cell_size(kind, scale))
             try:
                 found.append(_make_picture_example(*downscale.downscale_picture(kind, middle, scale)))
             except ValueError as error:

@@ -26,11 +26,12 @@ def read_pairs(folder: Path, scale: int) -> list[Pair]:
     """
     files = pictures.find_pictures(folder)
     pairs = pictures.pair_files(files)
+    unused = pictures.count_unused(file for pair in pairs for file in pair) if pairs else pictures.count_unused(files)
     if not pairs:
-        return [_make_pair(path, scale) for path in files]
+        return [_make_pair(path, scale, unused) for path in files]
     read = []
     for path, truth in pairs:
-        low, high = pictures.read_rgb(path), pictures.read_rgb(truth)
+        low, high = pictures.read_rgb(path, unused=unused), pictures.read_rgb(truth, unused=unused)
         if high.shape != (scale * low.shape[0], scale * low.shape[1], 3):
             raise ValueError(
                 f"{truth}: {high.shape[0]}x{high.shape[1]} pixels, where its LR is {low.shape[0]}x{low.shape[1]}; "
@@ -40,8 +41,8 @@ def read_pairs(folder: Path, scale: int) -> list[Pair]:
     return read
 
 
-def _make_pair(path: Path, scale: int) -> Pair:
-    picture = pictures.read_rgb(path)
+def _make_pair(path: Path, scale: int, unused: int) -> Pair:
+    picture = pictures.read_rgb(path, unused=unused)
     if min(picture.shape[:2]) < 3 * scale:  # the protocol cuts a border of `scale`, and something must remain
         raise ValueError(f"{path}: too small to validate on at scale {scale}; remove it from the folder")
     return downscale_picture("bicubic", picture, scale)

@@ -61,6 +61,16 @@ def test_pairs_are_written_and_read(pictures, labelled):
         np.testing.assert_array_equal(high, low.repeat(2, axis=0).repeat(2, axis=1))
 
 
+def test_pictures_of_12_bits_fill_the_range(network, tmp_path):
+    full = np.random.default_rng(0).integers(0, 256, (64, 64), np.uint8)
+    (tmp_path / "dark").mkdir()
+    Image.fromarray(full.astype(np.uint16) * 16).save(tmp_path / "dark" / "a.png")
+    assert labels.label_pictures(tmp_path / "dark", network, tmp_path / "out", threads=1) == 1
+    ((low, _),) = labels.read_labelled(tmp_path / "out")
+    expected = downscale_picture("bicubic", full[..., np.newaxis].repeat(3, axis=2), 2).low
+    assert np.abs(low.astype(int) - expected).max() <= 2
+
+
 def test_pairs_that_are_there_are_kept(pictures, network, labelled):
     """A stopped run continues; LR without a label is made again."""
     (labelled / "b_HR.png").unlink()

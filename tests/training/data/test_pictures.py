@@ -66,6 +66,20 @@ def test_transparent_pixels_are_blended_with_black(tmp_path):
     assert read_picture(save(tmp_path / "b.png", np.dstack([GREY, alpha]))).shape == (6, 10, 1)
 
 
+@pytest.mark.parametrize("memory", [0, 2**20])
+def test_pictures_of_12_bits_fill_the_range_all_alike(tmp_path, memory):
+    full = GREY.astype(np.uint16) * 257
+    save(tmp_path / "a.png", (full >> 5))  # a darker one, of 11 bits
+    save(tmp_path / "b.png", (full >> 4))
+    found = Pictures(tmp_path, memory=memory)
+    for number, expected in enumerate((GREY // 2, GREY)):
+        assert np.abs(found[number].astype(int) - expected[..., np.newaxis]).max() <= 1
+    save(tmp_path / "c.jpg", COLOUR)  # 8 bits say nothing of the others
+    assert np.abs(Pictures(tmp_path, memory=memory)[1].astype(int) - GREY[..., np.newaxis]).max() <= 1
+    save(tmp_path / "d.png", full)  # by which the others are dark
+    assert Pictures(tmp_path, memory=memory)[1].max() == round(GREY.max() / 16)
+
+
 def test_bad_pictures_are_named_at_the_start(tmp_path):
     file = save(tmp_path / "b.jpg", COLOUR)
     save(tmp_path / "a.jpg", COLOUR)

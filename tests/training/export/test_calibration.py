@@ -41,6 +41,15 @@ def test_pictures(recipe):
         check(one)
 
 
+def test_pictures_of_12_bits_fill_the_range(recipe, tmp_path):
+    full = np.random.default_rng(0).integers(0, 256, (40, 40), np.uint8)
+    for folder, pixels in (("full", full), ("dark", full.astype(np.uint16) * 16)):
+        (tmp_path / folder).mkdir()
+        Image.fromarray(pixels).save(tmp_path / folder / "a.png")
+    (one, *_), (other, *_) = (calibration.make_picture_examples([tmp_path / name], 2) for name in ("full", "dark"))
+    assert np.abs(one.high.astype(int) - other.high).max() <= 1
+
+
 def test_light_fields(tmp_path):
     pixels = np.random.default_rng(0).integers(0, 256, (TEXTURE, TEXTURE, 3), np.uint8)
     Image.fromarray(pixels).save(tmp_path / "texture.png")

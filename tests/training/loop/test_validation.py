@@ -46,6 +46,16 @@ def test_pairs_and_their_score(picture, tmp_path):
     assert network.training
 
 
+def test_pictures_of_12_bits_fill_the_range(picture, tmp_path):
+    grey = picture[:12, :, 0].repeat(2, axis=0).repeat(2, axis=1)
+    for folder, names in (("pairs", ("a_HR.png", "a_LR.png")), ("pictures", ("a.png",))):
+        (tmp_path / folder).mkdir()
+        for name, pixels in zip(names, (grey, picture[:12, :, 0]), strict=False):
+            save(pixels.astype(np.uint16) * 16, tmp_path / folder / name)
+        ((_, high),) = validation.read_pairs(tmp_path / folder, 2)
+        assert np.abs(high.astype(int) - grey[..., np.newaxis]).max() <= 1
+
+
 def test_a_folder_of_pictures_is_downscaled_bicubically(picture, tmp_path):
     save(picture, tmp_path / "a.png")
     save(np.full((12, 12), 99, np.uint8), tmp_path / "grey.tif")
