@@ -36,7 +36,9 @@ class HtmlWriter(Writer):
 
     def __init__(self, file: IO[bytes]) -> None:
         self._file = file
-        self._views: dict[View, Pixels | str] = {}
+        self._views: dict[View, str] = {}
+        self._kept: dict[View, Pixels] = {}
+        self._unused = 0
 
     def begin(self, contents: Contents) -> None:
         """Refuses some views of a light field, and more than `MOST_VIEWS`."""
@@ -51,17 +53,19 @@ class HtmlWriter(Writer):
         self._contents = contents
 
     def write(self, view: View, pixels: Pixels) -> str:
-        """Adds a picture; one of 16 bit is kept as it is, as only all views show how many bits the camera has."""
-        self._views[view] = pixels if pixels.dtype == np.uint16 else _encode(pixels)
+        """Adds a picture; those of 16 bit with the last one, as only all of them show how many bits the camera has."""
+        self._kept[view] = pixels
+        if pixels.dtype == np.uint8 or len(self._kept) == len(self._contents.views):
+            self._unused = count_unused_camera_bits(*self._kept.values())
+            self._views |= {key: _encode(round_to_8_bit(kept, self._unused)) for key, kept in self._kept.items()}
+            self._kept.clear()
         return file_name(view)
 
     def finish(self, report: dict[str, Any]) -> None:
         """Writes the page, and adds notes on what it doesn't hold to the report."""
         contents = self._contents
         notes = ["html: alpha is left out"] * (contents.channels in (2, 4))
-        kept = [pixels for pixels in self._views.values() if not isinstance(pixels, str)]
-        unused = count_unused_camera_bits(*kept) if kept else 0
-        notes += note_rounding("html", contents.dtype, unused)
+        notes += note_rounding("html", contents.dtype, self._unused)
         if notes:
             report["notes"] += notes
         light_field = {
@@ -71,10 +75,7 @@ class HtmlWriter(Writer):
             "height": contents.height,
             "depthSense": contents.depth_sense,
             "scale": contents.scale,
-            "views": [
-                pixels if isinstance(pixels, str) else _encode(round_to_8_bit(pixels, unused))
-                for _, pixels in sorted(self._views.items())
-            ],
+            "views": [self._views[view] for view in sorted(self._views)],
         }
         folder = files("ciir.renderer.writers") / "viewer"
         script = "\n".join((folder / name).read_text("utf-8") for name in MODULES)
