@@ -57,5 +57,13 @@ def lower_levels(picture: NDArray[Any], unused: int) -> NDArray[Any]:
     return picture
 
 
+def limit_levels(picture: NDArray[Any], unused: int) -> NDArray[Any]:
+    """`picture` of 16 bits with no colour over the levels of `16 - unused` bits, in place."""
+    if unused:
+        colours = _colours(picture)
+        np.minimum(colours, np.uint16(2 ** (BITS - unused) - 1), out=colours)
+    return picture
+
+
 def _colours(picture: NDArray[Any]) -> NDArray[Any]:
     return picture[..., :-1] if picture.shape[-1] in (2, 4) else picture

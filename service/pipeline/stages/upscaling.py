@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from ciir.bit_depth import count_unused_camera_bits, limit_levels
 from ciir.models import catalogue
 from ciir.models.back_projection import restore_means
 from ciir.models.light_field.finishing import MINIMUM_FALLBACK_SHARE
@@ -32,21 +33,22 @@ def load_upscaler(
     plan: Plan, arrangement: Arrangement, *, skip: bool = True, statistics: SkipStatistics | None = None
 ) -> UpscaleViews:
     """Loads `plan.model` for views of a light field. `skip`: whether pixels with a known result are
-    skipped; they are counted in `statistics`.
+    skipped; they are counted in `statistics`. Colours stay within the bits of each view's camera (`ciir.bit_depth`):
+    interpolation would pass them at edges.
 
     Raises as `models.catalogue.load_upscaler`.
     """
     upscale = _load_model(plan, arrangement, skip, statistics)
-    if not plan.restores_means:
-        return upscale
 
-    def upscale_lenslets(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, list[Finishing]]:
+    def upscale_within_bits(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, list[Finishing]]:
         made, finished = upscale(views, wanted)
         for picture, view in zip(made, wanted, strict=True):
-            picture[:] = restore_means(picture, views[view])
+            if plan.restores_means:
+                picture[:] = restore_means(picture, views[view])
+            limit_levels(picture, count_unused_camera_bits(views[view]))
         return made, finished
 
-    return upscale_lenslets
+    return upscale_within_bits
 
 
 def _load_model(plan: Plan, arrangement: Arrangement, skip: bool, statistics: SkipStatistics | None) -> UpscaleViews:

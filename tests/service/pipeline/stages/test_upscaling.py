@@ -117,6 +117,15 @@ def test_a_mesh_is_rendered_once_whatever_the_batches(cube, stand_in, own_views,
         assert np.abs(picture - upscale_as_stand_in(field, view)).max() < ROUNDED
 
 
+@pytest.mark.parametrize("options", [{"model": "bicubic"}, {"model": "fast", "sampling": "lenslet"}])
+def test_upscaled_views_stay_within_the_bits_of_the_camera(options):
+    """Else they would count as views of a camera of 12 bits, and be shown a quarter as bright."""
+    views = np.random.default_rng(0).integers(0, 2, (2, 2, 24, 24, 3), np.uint16).repeat(2, 2).repeat(2, 3) * 1023
+    writer = MemoryWriter()
+    reconstruct(LightField(views), Options(views="all", **options), writer)
+    assert {picture.max() for picture in writer.views.values()} == {1023}
+
+
 def test_views_are_dropped(cube, stand_in, monkeypatch):
     """The last view's window is what is left of 30 views by then."""
     monkeypatch.setattr(schedule, "BATCH_PIXELS", 1)
