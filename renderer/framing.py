@@ -86,9 +86,23 @@ def _frame_window(window: Window, array: LensArray, placement: Placement) -> NDA
     return matrix
 
 
-def find_extremes(scene: Scene, array: LensArray, placement: Placement) -> NDArray[np.float64]:
-    """The vertices of `scene` that alone decide how `frame_scene` frames it, `(k, 3)`: those farthest along the array's
-    axes and along the outermost rays, to both sides.
+def find_turn(scene: Scene, first: Placement, placement: Placement) -> NDArray[np.float64]:
+    """The 4x4 rotation, in the mesh's own axes, by which `placement` turns it further than `first` does: about the
+    middle of its bounding box, so that it turns in its place.
+    """
+    matrix = np.eye(4)
+    if placement.rotate != first.rotate:
+        middle = scene.bounds().mean(axis=0)
+        matrix[:3, :3] = first.rotation().T @ placement.rotation()
+        matrix[:3, 3] = middle - matrix[:3, :3] @ middle
+    return matrix
+
+
+def find_extremes(
+    scene: Scene, array: LensArray, placement: Placement, turn: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The vertices of `scene` that alone decide how `frame_scene` frames it, `(k, 3)`, turned by the 4x4 `turn`: those
+    farthest along the array's axes and along the outermost rays, to both sides.
     """
     reach_x, reach_y = (float(np.abs(tangents).max()) for tangents in (array.tangent_x(), array.tangent_y()))
     x, y, z = placement.rotation()  # the array's axes in the mesh's own
@@ -98,7 +112,7 @@ def find_extremes(scene: Scene, array: LensArray, placement: Placement) -> NDArr
         used = part.used_vertices()
         along = used @ directions.T  # (n, 7)
         found += [used[along.argmin(axis=0)], used[along.argmax(axis=0)]]
-    return np.concatenate(found)
+    return np.concatenate(found) @ turn[:3, :3].T + turn[:3, 3]
 
 
 def make_frame(extremes: Sequence[NDArray[np.float64]], windows: Sequence[Window | None]) -> Scene:
@@ -108,6 +122,11 @@ def make_frame(extremes: Sequence[NDArray[np.float64]], windows: Sequence[Window
     points = np.concatenate(extremes)
     faces = np.repeat(np.arange(len(points), dtype=np.int32)[:, None], 3, axis=1)
     return Scene((Part(points, faces, np.zeros((len(points), 4), np.float32)),), window=_join(windows))
+
+
+def turn_back(framed: Scene, turn: NDArray[np.float64]) -> Scene:
+    """A scene of `make_frame` for a mesh that its placement turns by `turn`: it is framed as without that turn."""
+    return replace(framed.transform(np.linalg.inv(turn).astype(np.float64)), window=framed.window)
 
 
 def _join(windows: Sequence[Window | None]) -> Window | None:

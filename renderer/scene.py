@@ -77,7 +77,7 @@ class Scene:
     extent: NDArray[np.float64] | None = None
     """The bounds before culling; None for a scene that was not culled."""
     framed: Scene | None = None
-    """What is framed in its place: of an animation, the extremes of all times; None for itself."""
+    """What is framed in its place: of an animation or a turn, the extremes of all frames; None for itself."""
     window: Window | None = None
     """What is framed of it; None for all."""
 

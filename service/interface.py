@@ -46,20 +46,21 @@ class Reconstruction:
     """The views of a reconstruction and its report."""
 
     views: Mapping[View, Pixels]
-    """By (v, u), `(H, W, C)`, uint8 or uint16, in the order they were asked for; of several times by (0, number)."""
+    """By (v, u), `(H, W, C)`, uint8 or uint16, in the order they were asked for; of several times or yaws by
+    (0, number)."""
     report: Report
     """What was read, the lens array, the plan and its reasons, the model, notes, and the time of each stage."""
 
     def save(self, path: str | PathLike[str]) -> None:
         """Writes the views: one as a picture, or several into a `.zip`, an `.npz` or a folder, with the report; one
-        view at several times into a `.mp4`, `.webm`, `.gif` or `.webp`, too.
+        view at several times or yaws into a `.mp4`, `.webm`, `.gif` or `.webp`, too.
 
         Raises `InvalidOption` where `path` can't be written or its format can't hold the views.
         """
         from ciir.renderer.writers.views import save_views
 
         array = self.report["lens_array"]
-        times = tuple(view["time"] for view in self.report["views"] if "time" in view)
+        times = tuple(view.get("time", 0.0) for view in self.report["views"] if "time" in view or "yaw" in view)
         grid = (1, len(times)) if times else (array["pixels_v"], array["pixels_u"])
         save_views(self.views, self.report, read_path(path), grid, array["depth_sense"], times=times)
 

@@ -25,7 +25,7 @@ def write_file(
     `service.pipeline.run.reconstruct`.
     """
     suffix = path.suffix.lower()
-    formats = BY_SUFFIX_OF_TIMES if len(options.time or ()) > 1 else BY_SUFFIX
+    formats = BY_SUFFIX_OF_TIMES if options.moments else BY_SUFFIX
     given = name or formats[suffix].name, options.make_writer_options(suffix)
     with replacing(path) as file, FileWriter(file, *given) as writer:
         return run.reconstruct(source, options, writer, progress=progress)

@@ -69,7 +69,7 @@ def save_views(
     times: tuple[float, ...] = (),
 ) -> None:
     """Writes `views`, `(H, W, C)` by (v, u) of a light field with `grid` views, to a file or a folder; or one view at
-    several `times`, in seconds, by (0, number).
+    several `times`, in seconds, by (0, number), whose `views` the report then has.
 
     `report` goes with them where the format holds one.
 
@@ -119,7 +119,7 @@ def _write(
     written = []
     for (v, u), picture in views.items():
         height, width = picture.shape[:2]
-        named = {"time": contents.times[u]} if contents.times else {"v": v, "u": u}
+        named = report["views"][u] if contents.times else {"v": v, "u": u}
         written.append({**named, "file": writer.write((v, u), picture), "height": height, "width": width})
     given = report.get("notes", [])
     completed = {**report, "notes": [*given], "views": written}

@@ -40,19 +40,20 @@ class Contents:
     dtype: np.dtype[np.uint8] | np.dtype[np.uint16]
     depth_sense: DepthSense = "lenses"
     times: tuple[float, ...] = ()
-    """Seconds: the pictures are one view at several times, "views" (0, 0), (0, 1), ...; empty for a light field."""
+    """Seconds: the pictures are one view at several times, "views" (0, 0), (0, 1), ..., or at several yaws, between
+    which no time passes; empty for a light field."""
     scale: int = 1
     """Pixels for each pixel of the views that were read, along each side."""
 
     def name_file(self, view: View) -> str:
-        """`view_VV_UU.png`, or `frame_NNNN.png` of several times."""
+        """`view_VV_UU.png`, or `frame_NNNN.png` of several times or yaws."""
         return f"frame_{view[1]:04d}.png" if self.times else file_name(view)
 
     def refuse_times(self, name: str) -> None:
-        """Raises `InvalidOption` for pictures at several times, which the format `name` can't hold."""
+        """Raises `InvalidOption` for pictures at several times or yaws, which the format `name` can't hold."""
         if self.times:
             raise InvalidOption(
-                f"format: {name} holds no pictures at several times; give mp4, webm, gif, animated-webp or zip"
+                f"format: {name} holds no pictures at several times or yaws; give mp4, webm, gif, animated-webp or zip"
             )
 
     @property

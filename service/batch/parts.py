@@ -31,7 +31,7 @@ from ciir.service.pipeline import run
 from ciir.service.pipeline.job import resolve_job
 from ciir.service.pipeline.planning.plan import make_plan
 from ciir.service.pipeline.source import Input
-from ciir.service.pipeline.stages.times import FrameWriter, join_reports
+from ciir.service.pipeline.stages.frames import FrameWriter, join_reports
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -56,7 +56,7 @@ def cut(source: Source, task: Task, options: Options) -> tuple[Part, ...]:
     if task.is_video:
         return _cut_video(source, options)
     is_single = options.views == "center" or ("," in options.views and ";" not in options.views)
-    if is_single or len(options.time or ()) > 1:
+    if is_single or options.moments:
         return ()
     given = Input(source)
     content = given.open(options, options.views)
@@ -111,7 +111,7 @@ def write_frames(source: Source, part: Part, options: Options, path: Path) -> Re
             name = f"{bundle.name} frame {number}.png"
             frame = Bundle(name, name, {name: encode_png(pixels)}, bundle.limits)
             reports.append(run.reconstruct(frame, options, frames))
-        report = join_reports(reports, part.times)
+        report = join_reports(reports, [{"time": time} for time in part.times])
         writer.finish(report)
     return report
 

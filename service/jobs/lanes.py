@@ -67,9 +67,9 @@ def estimate_seconds(request: Request, size: float, pixels: float | None) -> flo
     What only the rest of the file's content shows, such as instances, is not looked at.
     """
     options = KINDS[request.kind].parse(request.options)
-    if options.time is not None and len(options.time) > 1:
-        single = {name: text for name, text in request.options.items() if name != "time"}
-        return len(options.time) * estimate_seconds(replace(request, options=single, format=None), size, pixels)
+    if options.moments:
+        single = {name: text for name, text in request.options.items() if name not in ("time", "rotate")}
+        return len(options.moments) * estimate_seconds(replace(request, options=single, format=None), size, pixels)
     read = size * _READ if pixels is None else pixels * _DECODE
     if request.kind == "inspection":
         return read

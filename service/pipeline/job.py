@@ -62,10 +62,10 @@ class Job:
     """Most seconds, predicted, that `auto` spends on a light-field network whose views around have to be rendered."""
     skip: bool
     """Whether triangles and pixels that can't change the result are skipped."""
-    times: int = 1
-    """How often all of this is done: a mesh at several times."""
+    frames: int = 1
+    """How often all of this is done: a mesh at several times or yaws."""
     max_pixels: int | None = None
-    """Most output pixels, and most samples of a mesh, of all views and times together."""
+    """Most output pixels, and most samples of a mesh, of all views and frames together."""
 
     @property
     def mesh(self) -> Scene | None:
@@ -152,7 +152,6 @@ def resolve_job(name: str, content: Content, options: Options, *, max_views: int
         placement=options.placement,
         neighbour_time=options.neighbour_time,
         skip=options.skip == "exact",
-        times=len(options.time or (None,)),
         max_pixels=max_pixels,
     )
 

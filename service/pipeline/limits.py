@@ -73,10 +73,10 @@ def check_view_count(spec: str, grid: tuple[int, int], limit: int) -> None:
         raise TooLarge(f"views: {spec.count(';') + 1:,} are over the limit of {limit:,}; name fewer", "views")
 
 
-def check_time_count(count: int, limit: int) -> None:
-    """Raises `TooLarge` for more than `limit` times, each of which is a view."""
+def check_frame_count(count: int, limit: int) -> None:
+    """Raises `TooLarge` for more than `limit` times or yaws, each of which is a view."""
     if count > limit:
-        raise TooLarge(f"time: {count:,} times are over the limit of {limit:,}; give fewer", "views")
+        raise TooLarge(f"time, rotate: {count:,} frames are over the limit of {limit:,}; give fewer", "views")
 
 
 def check_size(

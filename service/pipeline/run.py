@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from ciir.errors import InvalidOption, NothingVisible
 from ciir.models.single.skipping import SkipStatistics
-from ciir.renderer.framing import find_extremes, make_frame
+from ciir.renderer.framing import find_extremes, find_turn, make_frame, turn_back
+from ciir.renderer.scene import Scene
 from ciir.renderer.writers.writer import Contents
-from ciir.service.pipeline.job import Job, resolve_job
-from ciir.service.pipeline.limits import check_samples, check_size, check_time_count
+from ciir.service.pipeline.job import Job, check_kind, resolve_job
+from ciir.service.pipeline.limits import check_frame_count, check_samples, check_size
 from ciir.service.pipeline.options import NO_MODEL, RECONSTRUCTION
 from ciir.service.pipeline.planning.plan import Plan, make_plan
 from ciir.service.pipeline.planning.prediction import predict_plan
@@ -20,10 +21,10 @@ from ciir.service.pipeline.report import Clock, Report, describe_array, find_ver
 from ciir.service.pipeline.source import Content, Input, Source
 from ciir.service.pipeline.stages.arrangement import Arrangement
 from ciir.service.pipeline.stages.batches import make_views, upscale_batches
+from ciir.service.pipeline.stages.frames import FrameWriter, join_reports
 from ciir.service.pipeline.stages.opening import open_session
 from ciir.service.pipeline.stages.prefetch import prefetch
 from ciir.service.pipeline.stages.schedule import Batch, batch_size, schedule_batches
-from ciir.service.pipeline.stages.times import FrameWriter, join_reports
 from ciir.service.pipeline.stages.upscaling import (
     describe_model,
     describe_skipped,
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
 
     from ciir.models.light_field.finishing import Finishing
     from ciir.renderer.readers.pictures import Pixels
-    from ciir.renderer.scene import Scene
     from ciir.renderer.views import View
     from ciir.renderer.writers.writer import Writer
     from ciir.service.pipeline.options import Options
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 Progress = Callable[[int, int], object]
 """Called with the number of views that are finished and of all, first with 0 before any view is made."""
 MOST_KEPT = 256 * 2**20
-"""Bytes of a mesh at several times that are kept from framing to rendering."""
+"""Bytes of a mesh at several times or yaws that are kept from framing to rendering."""
 
 
 def reconstruct(
@@ -74,10 +74,8 @@ def reconstruct(
     """
     clock = clock or Clock()
     given = Input(source)
-    if options.time is not None and len(options.time) > 1:
-        return _reconstruct_times(
-            given, options, options.time, writer, max_pixels=max_pixels, progress=progress, clock=clock
-        )
+    if options.moments:
+        return _reconstruct_frames(given, options, writer, max_pixels=max_pixels, progress=progress, clock=clock)
     with clock.stage("decode"):
         content = given.open(options, options.views, is_upscaled=options.model != NO_MODEL)
     report = _reconstruct(given, content, options, writer, max_pixels=max_pixels, progress=progress, clock=clock)
@@ -85,74 +83,84 @@ def reconstruct(
     return report
 
 
-def _reconstruct_times(
+def _reconstruct_frames(
     given: Input,
     options: Options,
-    times: tuple[float, ...],
     writer: Writer,
     *,
     max_pixels: int | None,
     progress: Progress | None,
     clock: Clock,
 ) -> Report:
-    """Gives one view of a mesh at each of `times`, framed and made alike, to `writer`."""
-    moments = [replace(options, time=(time,)) for time in times]
+    """Gives one view of a mesh at each time or yaw, framed and made alike, to `writer`."""
+    moments = options.moments
+    each = [options.select_moment(moment) for moment in moments]
     with clock.stage("decode"):
-        check_time_count(len(times), given.limits.views)
-        content = _open_first(given, moments)
+        check_frame_count(len(moments), given.limits.views)
+        content = _open_first(given, each)
+        check_kind(given.name, content, options)
+        assert isinstance(content, Scene)  # noqa: S101 - else an option that makes frames was refused
     with clock.stage("plan"):
-        job = resolve_job(given.name, content, options, max_views=given.limits.views, max_pixels=max_pixels)
+        job = resolve_job(given.name, content, each[0], max_views=given.limits.views, max_pixels=max_pixels)
         if len(job.wanted) > 1:
+            (varied,) = moments[0]
             raise InvalidOption(
-                f"time: {len(times)} times make a video of one view, and {len(job.wanted)} views are asked for; give "
-                "one of them with views, or one time"
+                f"{'rotate' if varied == 'yaw' else varied}: {len(moments)} {varied}s make a video of one view, and "
+                f"{len(job.wanted)} views are asked for; give one of them with views, or one {varied}"
             )
+        job = replace(job, frames=len(moments))
         plan = make_plan(job)
-        check_size(job.lenses, plan.scale, count=len(times), limit=max_pixels)
+        check_size(job.lenses, plan.scale, count=len(moments), limit=max_pixels)
+    turns = [find_turn(content, job.placement, single.placement) for single in each]
     extremes, windows, size = [], [], 0
     kept: list[Scene | None] = []
     empty = set()  # the numbers of the times at which there is nothing to draw
     with clock.stage("decode"):
-        for number, moment in enumerate(moments):
+        for number, single in enumerate(each):
             try:
-                scene = given.read_mesh(moment)
+                scene = given.read_mesh(single)
             except NothingVisible:
                 empty.add(number)
                 kept.append(None)
                 continue
             size += scene.nbytes
             kept.append(scene if size <= MOST_KEPT else None)  # else it is read again
-            extremes.append(find_extremes(scene, job.array, job.placement))
+            extremes.append(find_extremes(scene, job.array, single.placement, turns[number]))
             windows.append(scene.window)
         framed = make_frame(extremes, windows)
-    frames, reports = FrameWriter(writer, times), []
-    for number, moment in enumerate(moments):
+    reports = []
+    frames = FrameWriter(writer, tuple(moment.get("time", 0.0) for moment in moments))
+    for number, single in enumerate(each):
         if progress is not None:
-            progress(number, len(times))
+            progress(number, len(moments))
         with clock.stage("decode"):
-            scene = framed if number in empty else kept[number] or given.read_mesh(moment)
+            scene = framed if number in empty else kept[number] or given.read_mesh(single)
             kept[number] = None
-        content = replace(scene, framed=framed)
-        report = _reconstruct(given, content, options, frames, max_pixels=max_pixels, clock=clock, plan=plan)
+        content = replace(scene, framed=turn_back(framed, turns[number]))
+        report = _reconstruct(
+            given, content, single, frames, max_pixels=max_pixels, clock=clock, plan=plan, frames=len(moments)
+        )
         reports.append(report | {"notes": []} if number in empty else report)
     if progress is not None:
-        progress(len(times), len(times))
-    joined = join_reports(reports, times)
+        progress(len(moments), len(moments))
+    joined = join_reports(reports, moments) | {"options": options.as_dict(RECONSTRUCTION)}
     if empty:
         joined["notes"].append(
-            f"time: nothing of the mesh is visible at {len(empty)} of {len(times)} times, the first "
-            f"{times[min(empty)]:g} s: the background alone is drawn"
+            f"time: nothing of the mesh is visible at {len(empty)} of {len(moments)} times, the first "
+            f"{moments[min(empty)]['time']:g} s: the background alone is drawn"
         )
     writer.finish(joined)
     return joined
 
 
-def _open_first(given: Input, moments: Sequence[Options]) -> Content:
-    """The mesh at the first of `moments` at which there is something to draw. Raises as `Input.open`."""
-    for moment in moments[:-1]:
+def _open_first(given: Input, each: Sequence[Options]) -> Content:
+    """The mesh at the first moment, of whose options `each` are, at which there is something to draw. Raises as
+    `Input.open`.
+    """
+    for single in each[:-1]:
         with suppress(NothingVisible):
-            return given.open(moment, moment.views)
-    return given.open(moments[-1], moments[-1].views)
+            return given.open(single, single.views)
+    return given.open(each[-1], each[-1].views)
 
 
 def _reconstruct(
@@ -165,10 +173,12 @@ def _reconstruct(
     clock: Clock,
     progress: Progress | None = None,
     plan: Plan | None = None,
+    frames: int = 1,
 ) -> Report:
     """Gives the views of `content` to `writer`; returns the report. The plan is made where none is given."""
     with clock.stage("plan"):
         job = resolve_job(given.name, content, options, max_views=given.limits.views, max_pixels=max_pixels)
+        job = replace(job, frames=frames)
         plan = plan or make_plan(job)
         predicted = predict_plan(job, plan)
         views = open_source(job, plan, clock)
@@ -234,12 +244,12 @@ def _reconstruct(
 
 def _schedule(job: Job, plan: Plan, views: ViewSource, wanted: Sequence[View]) -> list[Batch]:
     """The batches of the job, of its views as they are made. Raises `TooLarge` where they are over its limits."""
-    check_size(job.lenses, plan.scale, count=len(job.wanted) * job.times, limit=job.max_pixels)
+    check_size(job.lenses, plan.scale, count=len(job.wanted) * job.frames, limit=job.max_pixels)
     size = batch_size(job.lenses[0] * job.lenses[1] * plan.scale**2)
     batches = schedule_batches(wanted, _arrange(job, plan), size=size, is_light_field=plan.is_light_field)
     count = sum(len(batch.new) for batch in batches)
     neighbours = count - len(job.wanted)
-    check_samples(views.samples, count * job.times, job.max_pixels, plan.strategy, neighbours=neighbours * job.times)
+    check_samples(views.samples, count * job.frames, job.max_pixels, plan.strategy, neighbours=neighbours * job.frames)
     return batches
 
 

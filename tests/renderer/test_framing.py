@@ -81,7 +81,7 @@ def test_the_bounding_box_lies_behind_astride_or_before_the_array(place, zoom):
 def test_scenes_are_framed_together_by_their_extremes(seed, angles, place):
     scenes, array = [cloud(seed, (1, 2, 3)), cloud(seed + 1, (3, 1, 1))], LensArray(30, 80, 5, 9)
     placement = Placement(rotate=angles, place=place)
-    framed = make_frame([find_extremes(scene, array, placement) for scene in scenes], [None, None])
+    framed = make_frame([find_extremes(scene, array, placement, np.eye(4)) for scene in scenes], [None, None])
     both = Scene(scenes[0].parts + scenes[1].parts)
     together = frame_scene(replace(scenes[0], framed=framed), array, placement)
     assert together == pytest.approx(frame_scene(both, array, placement), rel=1e-12)

@@ -49,7 +49,7 @@ class PathWriter(WholeWriter):
     def check(self, contents: Contents) -> None:
         """Refuses views that are too large for a frame, and a path where each picture is a frame."""
         if contents.times and (self.options.path, self.options.frames) != (WriterOptions.path, WriterOptions.frames):
-            raise InvalidOption("path, frames: of several times each is a frame; leave them out")
+            raise InvalidOption("path, frames: of several times or yaws each is a frame; leave them out")
         list_positions(self.options.path, 1, contents.grid)
         self.times = contents.times
         self.count = len(self.times) or self.options.frames

@@ -4,7 +4,7 @@ from ciir.service.pipeline.options.displays import DISPLAYS
 from ciir.service.pipeline.options.focus import FOCUS
 from ciir.service.pipeline.options.kinds import FILE_TYPES, KINDS, MODELS, Kind, KindName, find_plane_format
 from ciir.service.pipeline.options.lenslet import LENSLET
-from ciir.service.pipeline.options.mesh import MESH, Backend, Sampling
+from ciir.service.pipeline.options.mesh import MESH, Backend, Moment, Sampling
 from ciir.service.pipeline.options.options import NAMES, OPTIONS, RECONSTRUCTION, Options, write_texts
 from ciir.service.pipeline.options.reading import READING
 from ciir.service.pipeline.options.upscaling import AUTO, AUTO_MODEL, MAX_SCALE, NO_MODEL, UPSCALING, Strategy
@@ -32,6 +32,7 @@ __all__ = [
     "Backend",
     "Kind",
     "KindName",
+    "Moment",
     "Options",
     "Sampling",
     "Strategy",

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, get_args
+from dataclasses import dataclass, replace
+from typing import Literal, Self, get_args
 
 from ciir.errors import InvalidOption
 from ciir.renderer.placement import Fit, Placement, Up
 from ciir.service.pipeline.options import values
 from ciir.service.pipeline.options.option import Option
+from ciir.service.pipeline.options.rotation import ROTATION, Rotation, list_yaws
 from ciir.service.pipeline.options.values import make_angles, make_name, make_number
 
 Backend = Literal["auto", "raster", "raytrace"]
 Sampling = Literal["pinhole", "lenslet"]
+Moment = dict[str, float]
+"""A frame of a video of one view: its `time` in seconds, or its `yaw` in degrees."""
 
 
 MESH = {
@@ -20,8 +23,9 @@ MESH = {
     "rotate": Option(
         "YAW,PITCH,ROLL",
         "turns of a mesh in degrees, one after the other: yaw, its front to the right; pitch, its top towards the "
-        "array; roll, its top to the left (default 0,0,0)",
-        make_angles("YAW,PITCH,ROLL"),
+        "array; roll, its top to the left (default 0,0,0); several yaws, as START:STOP:COUNT, make a video of one "
+        "view: 0:360:60 is a full turn",
+        ROTATION,
         "30,20,0",
     ),
     "zoom": Option(
@@ -100,8 +104,8 @@ class MeshOptions:
     """Values of the options in `MESH`."""
 
     up: Up = "y"
-    rotate: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Degrees."""
+    rotate: Rotation = (0.0, 0.0, 0.0)
+    """Degrees; one yaw, or several for a video."""
     zoom: float = 1.0
     place: float | None = None
     """None: -1, or 0 in pictures for displays."""
@@ -121,8 +125,36 @@ class MeshOptions:
 
     @property
     def placement(self) -> Placement:
-        """What the options say of it. Raises `InvalidOption` where they contradict each other."""
+        """What the options say of it. Raises `InvalidOption` where they contradict each other, and for several yaws."""
         if self.fit == "none" and self.place is not None:
             raise InvalidOption("fit, place: with fit none a mesh stays at its own place; leave one of them out")
+        yaw, *others = list_yaws(self.rotate)
+        if others:
+            raise InvalidOption(
+                f"rotate: {len(others) + 1} yaws make a video of one view, with reconstruct; give one yaw for anything "
+                "else"
+            )
         place = -1.0 if self.place is None else self.place
-        return Placement(up=self.up, rotate=self.rotate, zoom=self.zoom, place=place, light=self.light, fit=self.fit)
+        rotate = yaw, *self.rotate[1:]
+        return Placement(up=self.up, rotate=rotate, zoom=self.zoom, place=place, light=self.light, fit=self.fit)
+
+    @property
+    def moments(self) -> tuple[Moment, ...]:
+        """What the frames of a video of one view show; none for one time and one yaw. Raises `InvalidOption`
+        for several times and several yaws.
+        """
+        times, yaws = self.time or (), list_yaws(self.rotate)
+        if len(times) > 1 and len(yaws) > 1:
+            raise InvalidOption(
+                f"rotate, time: {len(yaws)} yaws and {len(times)} times are given; give several of one, and one of the "
+                "other"
+            )
+        if len(yaws) > 1:
+            return tuple({"yaw": yaw} for yaw in yaws)
+        return tuple({"time": time} for time in times) if len(times) > 1 else ()
+
+    def select_moment(self, moment: Moment) -> Self:
+        """The options of one of `moments`."""
+        if "time" in moment:
+            return replace(self, time=(moment["time"],))
+        return replace(self, rotate=(moment["yaw"], *self.rotate[1:]))

@@ -19,8 +19,11 @@ if TYPE_CHECKING:
 
 _MOST = 999_999
 """The largest count that text or a sequence may hold."""
-_MOST_TIMES = 3600
 _VIEW = "[0-9]{1,6},[0-9]{1,6}"
+ANGLE = r"-?[0-9]{1,3}(\.[0-9]{1,6})?"
+"""Degrees below 1000, to a millionth, as a pattern."""
+MOST_FRAMES = 3600
+"""The largest count of times, or of yaws, that may be given."""
 _SECONDS = r"[0-9]{1,6}(\.[0-9]{1,9})?"
 _LONGEST_LABEL = 200
 """Most characters of a name in a file."""
@@ -136,11 +139,11 @@ def _parse_counts(_: str, text: str) -> tuple[int, ...]:
 def _parse_times(name: str, times: str) -> tuple[float, ...]:
     if ":" in times:
         start, stop, count = times.split(":")
-        found = _space_evenly(float(start), float(stop), min(int(count), _MOST_TIMES + 1))
+        found = _space_evenly(float(start), float(stop), min(int(count), MOST_FRAMES + 1))
     else:
         found = tuple(map(float, times.split(",")))
-    if len(found) > _MOST_TIMES:
-        raise InvalidOption(f"{name}: more than {_MOST_TIMES:,} times are given; give fewer")
+    if len(found) > MOST_FRAMES:
+        raise InvalidOption(f"{name}: more than {MOST_FRAMES:,} times are given; give fewer")
     return found
 
 
@@ -151,7 +154,7 @@ def _space_evenly(start: float, stop: float, count: int) -> tuple[float, ...]:
 
 def _convert_times(value: Any) -> tuple[float, ...]:
     times = tuple(round(float(time), 9) for time in (value if hasattr(value, "__iter__") else [value]))
-    if not 0 < len(times) <= _MOST_TIMES or not all(0 <= time < 1e6 for time in times):
+    if not 0 < len(times) <= MOST_FRAMES or not all(0 <= time < 1e6 for time in times):
         raise ValueError
     return times
 
@@ -249,7 +252,7 @@ def make_angles(names: str, limits: Sequence[float] = ()) -> ValueType:
     """As many angles as `names` has, such as `YAW,PITCH,ROLL`: degrees below 1000 each, to a millionth. With `limits`
     each is at most its limit, and at least the opposite of that.
     """
-    count, angle = names.count(",") + 1, r"-?[0-9]{1,3}(\.[0-9]{1,6})?"
+    count = names.count(",") + 1
     example = ",".join(["30", "-20", "0"][:count])
 
     def parse(name: str, angles: str) -> tuple[float, ...]:
@@ -269,7 +272,7 @@ def make_angles(names: str, limits: Sequence[float] = ()) -> ValueType:
         return angles
 
     return make_form(
-        f"{angle}(,{angle}){{{count - 1}}}",
+        f"{ANGLE}(,{ANGLE}){{{count - 1}}}",
         form=f"{names} in degrees, such as {example}",
         parse=parse,
         convert=convert,

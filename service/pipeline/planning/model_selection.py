@@ -128,11 +128,11 @@ def _describe_wrong_order(job: Job) -> str:
 
 def _find_view_windows(job: Job, mesh: Scene, light_field: Entry, single: Entry) -> tuple[ViewWindows | None, str]:
     """The windows of views to render around those of `mesh`, and what they cost; None where that is too much, and for
-    several times, which are framed together after this. Nor is anything predicted for a network that can't run, whose
+    several frames, which are framed together after this. Nor is anything predicted for a network that can't run, whose
     error names the remedy later.
     """
     can_run = job.scale in light_field.scales and not light_field.unsupported_reason
-    is_considered = can_run and job.times == 1 and job.neighbour_time > 0
+    is_considered = can_run and job.frames == 1 and job.neighbour_time > 0
     found = find_view_windows(mesh, job.array, job.placement) if is_considered else None
     if found is None:
         return None, ""

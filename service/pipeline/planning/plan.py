@@ -123,7 +123,7 @@ def _select_strategy(job: Job) -> tuple[Strategy, str]:
     }
     limit = job.max_pixels
     if rays["direct"] > MAX_VIEW_SAMPLES or (
-        limit is not None and rays["direct"] * len(job.wanted) * job.times > limit
+        limit is not None and rays["direct"] * len(job.wanted) * job.frames > limit
     ):
         return "upscale", f"upscale, as {rays['direct']:,} samples for each view at the larger size are over the limit"
     if job.scale not in model.scales:

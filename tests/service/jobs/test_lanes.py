@@ -111,10 +111,11 @@ def test_elemental_image_arrays_count_by_their_views(options, side, expected):
     assert choose(options, make_png_header(side, side)) == expected
 
 
-def test_meshes_count_at_each_time():
+def test_meshes_count_at_each_time_and_yaw():
     file, options = io.BytesIO(b"glTF" + bytes(9000)), {"lenses": "50x50", "model": "none"}
-    lanes = [choose_lane(Request("upload.glb", options | more, "mp4"), file) for more in ({}, {"time": "0:1:600"})]
-    assert lanes == ["small", "large"]
+    given = {}, {"time": "0:1:600"}, {"rotate": "0:360:600"}
+    lanes = [choose_lane(Request("upload.glb", options | more, "mp4"), file) for more in given]
+    assert lanes == ["small", "large", "large"]
 
 
 def test_videos_count_by_their_frames():

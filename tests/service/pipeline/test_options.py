@@ -12,6 +12,7 @@ from ciir.renderer.readers.lenslet.grid import Known
 from ciir.renderer.writers.options import TEXT_FILES
 from ciir.service.pipeline.options import NAMES, Options, write_texts
 from ciir.service.pipeline.options.focus import Method, Occluders
+from ciir.service.pipeline.options.rotation import list_yaws
 
 
 def test_every_option_is_described():
@@ -184,6 +185,32 @@ def test_times_are_written_as_they_are_read(text, times, written):
 def test_other_times_are_refused(value):
     with pytest.raises(InvalidOption, match=r"^time: "):
         Options.convert({"time": value})
+
+
+@pytest.mark.parametrize(
+    ("text", "written", "yaws"),
+    [
+        ("0:360:4", "0:360:4,0,0", (0, 90, 180, 270)),
+        ("0 : -720 : 3, 20, -5.5", "0:-720:3,20,-5.5", (0, -240, -480)),
+        ("-30:30:3", "-30:30:3,0,0", (-30, 0, 30)),
+        ("5:5:2", "5:5:2,0,0", (5, 5)),
+        ("0:360:1", "0:360:1,0,0", (0,)),
+        ("7,8,9", "7,8,9", (7,)),
+    ],
+)
+def test_several_yaws_are_written_as_they_are_read(text, written, yaws):
+    rotate = Options.parse({"rotate": text}).rotate
+    assert list_yaws(rotate) == yaws
+    assert write_texts({"rotate": rotate}) == {"rotate": written}
+    assert Options.parse({"rotate": written}) == Options.convert({"rotate": list(rotate)})
+
+
+@pytest.mark.parametrize(
+    "value", ["0:360", "0:360:0", "0:360:4000", "0:1000:4", "0:360:4,1", ((0, 360, 0), 0, 0), ((0, 360, 2.5), 0, 0)]
+)
+def test_other_yaws_are_refused(value):
+    with pytest.raises(InvalidOption, match=r"^rotate: .*; give"):
+        Options.convert({"rotate": value})
 
 
 def test_light_comes_from_a_direction_that_there_is():

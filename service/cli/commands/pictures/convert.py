@@ -20,10 +20,11 @@ if TYPE_CHECKING:
 def run(args: argparse.Namespace) -> None:
     """Writes all views as they are, and prints a line about them."""
     options = common.parse_options(args)
-    if options.time is not None and len(options.time) > 1:
+    if options.moments:
+        (varied,) = options.moments[0]
         raise InvalidOption(
-            f"time: {len(options.time)} times make a video of one view, with ciir reconstruct; give one time for ciir "
-            "convert, which writes all views"
+            f"{'rotate' if varied == 'yaw' else varied}: {len(options.moments)} {varied}s make a video of one view, "
+            f"with ciir reconstruct; give one {varied} for ciir convert, which writes all views"
         )
     display = find_display(args, options)
     if display is not None:

@@ -29,7 +29,7 @@ def run(args: argparse.Namespace) -> None:
     common.write_report(report, args.report)
     views = report["views"]
     size = f"{views[0]['height']}x{views[0]['width']}"
-    what = "frame" if "time" in views[0] else "view"
+    what = "frame" if options.moments else "view"
     common.print_line(
         f"{args.out}: {len(views)} {what}{'s' * (len(views) > 1)} of {size} pixels ({common.format_timings(report)})"
     )

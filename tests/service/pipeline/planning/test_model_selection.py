@@ -1,5 +1,7 @@
 """Which model upscales what, and the reason in the report."""
 
+from dataclasses import replace
+
 import pytest
 
 from ciir.models import catalogue, processor
@@ -150,11 +152,13 @@ def test_view_windows_are_rendered_where_that_takes_no_longer_than_the_neighbour
     assert pictures(model).view_windows is None
 
 
-def test_no_view_windows_for_another_scale_and_for_several_times(stand_in, extra, view_windows):
+def test_no_view_windows_for_another_scale_and_for_several_frames(stand_in, extra, view_windows):
     view_windows(ViewWindows(0.25))
     extra(0.0)
     assert mesh(LIGHT_FIELD_DEFAULT, scale=3).view_windows is None  # whose loading says what it upscales by
-    assert mesh(LIGHT_FIELD_DEFAULT, wanted=[(0, 0)], time=(0.0, 1.0)).view_windows is None
+    job = make_mesh_job(model=LIGHT_FIELD_DEFAULT, grid=(4, 5), wanted=[(0, 0)])
+    assert select_model(job).view_windows == ViewWindows(0.25)
+    assert select_model(replace(job, frames=2)).view_windows is None
     assert mesh(LIGHT_FIELD_DEFAULT, wanted=[(0, 0)]).view_windows is not None
 
 

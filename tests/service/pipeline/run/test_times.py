@@ -170,7 +170,7 @@ def test_formats_of_light_fields_refuse_times():
     for name in set(FORMATS) - {"mp4", "webm", "gif", "animated-webp", "zip"}:
         with (
             FileWriter(io.BytesIO(), name) as writer,
-            pytest.raises(InvalidOption, match=r"no pictures at several times; give .*, animated-webp or zip$"),
+            pytest.raises(InvalidOption, match=r"no pictures at several times or yaws; give .*, animated-webp or zip$"),
         ):
             reconstruct(slide(), Options(**SMALL, time=TIMES), writer)
 
@@ -196,13 +196,13 @@ def test_what_makes_no_video_is_refused():
             run(**wrong)
     with (
         FileWriter(io.BytesIO(), "mp4", Options(path="sweep").make_writer_options()) as writer,
-        pytest.raises(InvalidOption, match="path, frames: of several times each is a frame"),
+        pytest.raises(InvalidOption, match="path, frames: of several times or yaws each is a frame"),
     ):
         reconstruct(slide(), Options(**SMALL, time=TIMES), writer)
 
 
 def test_all_times_together_count():
-    with pytest.raises(TooLarge, match="3 times are over the limit of 2"):
+    with pytest.raises(TooLarge, match="time, rotate: 3 frames are over the limit of 2"):
         run(slide(views=2))
     options = Options(**SMALL, time=TIMES)
     reconstruct(slide(), options, MemoryWriter(), max_pixels=3 * 20 * 48)

@@ -1,4 +1,4 @@
-"""One view of a mesh at several times: framed alike, and given to a writer as frames."""
+"""One view of a mesh at several times or yaws, given to a writer as frames."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
     from ciir.renderer.writers.writer import Contents
+    from ciir.service.pipeline.options import Moment
     from ciir.service.pipeline.report import Report
 
 
@@ -37,14 +38,14 @@ class FrameWriter(Writer):
         return self._writer.write((0, self._done - 1), pixels)
 
     def finish(self, report: dict[str, Any]) -> None:
-        """Adds nothing: the report is of all times."""
+        """Adds nothing: the report is of all frames."""
 
 
-def join_reports(reports: Sequence[Report], times: Sequence[float]) -> Report:
-    """The report of all times: the first one's, with each one's picture, and notes that differ by more than numbers."""
+def join_reports(reports: Sequence[Report], moments: Sequence[Moment]) -> Report:
+    """The report of all frames: the first one's, with each one's picture and notes that differ by more than numbers."""
     notes: dict[str, str] = {}
     for report in reports:
         for note in report["notes"]:
             notes.setdefault(re.sub(r"\d[\d,.]*", "", note), note)
-    views = [{"time": time, **report["views"][0]} for time, report in zip(times, reports, strict=True)]
+    views = [moment | report["views"][0] for moment, report in zip(moments, reports, strict=True)]
     return {**reports[0], "views": views, "notes": list(notes.values()), "timings_ms": reports[-1]["timings_ms"]}
