@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
@@ -19,12 +20,14 @@ from ciir.renderer.readers.registry import (
     ESLF,
     LYTRO,
     LYTRO_RAW,
+    OTHER_MESHES,
     TIFF_STACK,
     VIDEOS,
     ContainerFormat,
     Format,
     MeshFormat,
     PictureFormat,
+    find_by_suffix,
     identify,
     is_container,
     is_mesh,
@@ -182,6 +185,7 @@ def find_main(bundle: Bundle) -> tuple[Format, str] | None:
         raise Unreadable(f"{name}: holds {len(found)} meshes ({_list_some(found)}); give one of them")
     if found:
         return identify(found[0], bundle.files[found[0]]), found[0]
+    _refuse_textures(name, names, views)
     if {*TILES} <= {PurePosixPath(key).name for key in names}:
         raise UnsupportedType(
             f"{name}: tiles are written for viewers and not read again; write the light field as npz, or as any other "
@@ -203,6 +207,27 @@ def find_main(bundle: Bundle) -> tuple[Format, str] | None:
             f"{name}: {_describe_others(names)}; give a mesh, or the views of a light field as .png, .jpg or .tif files"
         )
     return None
+
+
+def _refuse_textures(name: str, names: Sequence[str], pictures: Sequence[str]) -> None:
+    """Raises `UnsupportedType` where all `pictures` are in a folder `textures`, and in a folder `source` is a zip or a
+    mesh of a type that isn't read: so Sketchfab packs meshes.
+    """
+    if not pictures or not all(_lies_in("textures", key) for key in pictures):
+        return
+    for key in filter(partial(_lies_in, "source"), names):
+        suffix = PurePosixPath(key).suffix.lower()
+        if suffix in OTHER_MESHES:
+            find_by_suffix(f"{name}/{key}")  # raises
+        if suffix == ".zip":
+            raise UnsupportedType(
+                f"{name}: the mesh seems to be in a zip, {clean_text(key)}, which is not unpacked within a folder or "
+                "another zip; unpack all into one folder and give that"
+            )
+
+
+def _lies_in(folder: str, key: str) -> bool:
+    return PurePosixPath(key).parent.name.lower() == folder
 
 
 def _list_some(keys: Sequence[str]) -> str:

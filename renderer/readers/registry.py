@@ -191,7 +191,7 @@ READ = ", ".join(SUFFIXES)
 
 MESHES = ", ".join(suffix for suffix, entry in SUFFIXES.items() if isinstance(entry, MeshFormat))
 """The suffixes of meshes, for messages."""
-_OTHER_MESHES = frozenset(
+OTHER_MESHES = frozenset(
     (".3ds", ".abc", ".blend", ".c4d", ".fbx", ".ma", ".max", ".mb", ".skp", ".step", ".stp", ".usd", ".usda", ".usdc")
 ) | {".usdz", ".wrl", ".x3d"}
 """Suffixes of meshes that are not read."""
@@ -220,7 +220,7 @@ def find_by_suffix(name: str) -> Format | None:
     Raises `UnsupportedType` for a suffix that is not one of `SUFFIXES`.
     """
     suffix = PurePosixPath(name.replace("\\", "/")).suffix.lower()
-    if suffix in _OTHER_MESHES:
+    if suffix in OTHER_MESHES:
         raise UnsupportedType(
             f"{clean_text(name)}: meshes of type {suffix} are not read; export it as GLB (read are {MESHES})"
         )

@@ -117,6 +117,24 @@ def test_neither_mesh_nor_pictures() -> None:
         read({"a.zip": b"PK\5\6"}, "a.zip")
 
 
+@pytest.mark.parametrize("folder", ["", "duck/"])
+@pytest.mark.parametrize("textures", [1, 4])
+def test_textures_beside_a_mesh_that_is_not_read_are_no_light_field(folder: str, textures: int) -> None:
+    pictures = {f"{folder}textures/{number}.png": PNG for number in range(textures)}
+    with pytest.raises(UnsupportedType, match=r"in a zip, .*source/model\.zip, which .*; unpack all into one fol"):
+        read(pictures | {f"{folder}source/model.zip": b"PK\3\4"}, lenses=(2, 2))
+    with pytest.raises(UnsupportedType, match=r"set/.*source/model\.fbx: meshes of type \.fbx are not read; export"):
+        read(pictures | {f"{folder}source/model.fbx": b"Kaydara"}, lenses=(2, 2))
+    assert isinstance(read(pictures | {f"{folder}source/model.obj": OBJ}), Scene)
+
+
+@pytest.mark.parametrize("folder", ["", "textures/", "source/"])
+def test_a_zip_beside_an_elemental_image_array_is_left_out(folder: str) -> None:
+    light_field = read({f"{folder}eia.png": PNG, "views.zip": b"PK\3\4"}, lenses=(2, 2))
+    assert isinstance(light_field, LightField)
+    assert "views.zip left out" in light_field.notes[-1]
+
+
 def test_a_set_of_views_with_a_point_cloud_beside_it() -> None:
     picture = encode_png(np.zeros((2, 3, 3), np.uint8))
     files = {f"view_{v}_{u}.png": picture for v in range(2) for u in range(3)} | {"cloud.ply": b"ply\n"}
