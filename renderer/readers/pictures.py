@@ -37,13 +37,19 @@ logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 
 def decode(
-    data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pixels, check: Callable[[int, int], None] | None = None
+    data: bytes,
+    *,
+    name: str,
+    max_pixels: int = DEFAULT_LIMITS.pixels,
+    check: Callable[[int, int], None] | None = None,
+    other: PictureFormat | None = None,
 ) -> Pixels:
     """A picture's pixels as stored, `(height, width, channels)`, 8 or 16 bit, turned as its orientation tag says;
     floating-point ones from 0 to 1 as 16 bit (`is_rounded`).
 
     PNG's palettes, 1 to 4 bits and transparent colour are expanded. The array may be read-only. `name` is for messages
-    alone. `check(height, width)` is called before decoding and may raise an error of its own.
+    alone. `check(height, width)` is called before decoding and may raise an error of its own. `other`: the format where
+    it is none of `PICTURES`.
 
     Raises `UnsupportedType` for other formats and other pixels, `TooLarge` over `max_pixels` (height x width) or
     `MAX_SIDE` or where memory runs out, `Unreadable` where the picture is damaged or cut off.
@@ -61,7 +67,7 @@ def decode(
         if check is not None:
             check(height, width)
 
-    found = find_format(data) or (LYTRO_RAW if len(data) in LYTRO_RAW_SIZES else None)
+    found = find_format(data) or other or (LYTRO_RAW if len(data) in LYTRO_RAW_SIZES else None)
     if not data:
         raise Unreadable(f"{name}: the file is empty (0 bytes); give it again")
     if found is None:

@@ -11,6 +11,7 @@ import numpy as np
 from ciir.errors import InputError, TooLarge
 from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers import pictures
+from ciir.renderer.readers.meshes.texture_formats import find_texture_format
 from ciir.renderer.readers.names import clean_text, resolve_key
 from ciir.renderer.scene import Texture, Wrap
 
@@ -168,7 +169,9 @@ class Resolver:
         if data is None:
             return None
         try:
-            pixels = pictures.decode(data, name=clean_text(name), max_pixels=self._max_pixels, check=charge)
+            other = find_texture_format(name, data)
+            shown, limit = clean_text(name), self._max_pixels
+            pixels = pictures.decode(data, name=shown, max_pixels=limit, check=charge, other=other)
         except InputError as error:
             self._work_left -= len(data) // 64
             self.add_note(f"texture {clean_text(name)} is left out: {error}")
