@@ -120,7 +120,12 @@ LYTRO_RAW_SIZES = (51_854_880, 16_137_600)
 """Bytes of an Illum's and of an F01's `.raw` files, which have no signature."""
 FORMATS: tuple[Format, ...] = (
     MeshFormat(
-        name="GLB", suffixes=(".glb",), signatures=(b"glTF",), reader="gltf.scene:read", is_posed=True, is_one_file=True
+        name="GLB",
+        suffixes=(".glb", ".vrm"),
+        signatures=(b"glTF",),
+        reader="gltf.scene:read",
+        is_posed=True,
+        is_one_file=True,
     ),
     MeshFormat(
         name="GLTF",

@@ -15,6 +15,7 @@ from tests.support.paths import ROOT
 BINARY_STL = b"solid by a careless writer".ljust(80) + struct.pack("<I", 1) + bytes(50)
 CONTENTS = {
     "a.glb": (b"glTF\2\0\0\0", SUFFIXES[".glb"]),
+    "a.vrm": (b"glTF\2\0\0\0", SUFFIXES[".glb"]),
     "a.gltf": (b'\xef\xbb\xbf {"asset": {"version": "2.0"}}', SUFFIXES[".gltf"]),
     "a.obj": (b"# made by hand\no thing\nv 0 0 0\n", SUFFIXES[".obj"]),
     "a.PLY": (b"ply\nformat ascii 1.0\n", SUFFIXES[".ply"]),

@@ -19,6 +19,7 @@ const MOST_PIXELS = 1024; // along a side
 /** @type {Record<string, (manager: any, data: ArrayBuffer) => Promise<any>>} By suffix. */
 const READERS = {
   glb: readGltf,
+  vrm: readGltf,
   gltf: readGltf,
   async obj(manager, data) {
     const { OBJLoader } = await import("three/addons/loaders/OBJLoader.js");
