@@ -271,7 +271,8 @@ def _check_member(name: str, key: str, content: bytes) -> bytes:
 
 def check_members(name: str, members: list[zipfile.ZipInfo], limits: Limits) -> dict[str, zipfile.ZipInfo]:
     """The files of a zip by their keys. Raises as `unpack`, before anything is unpacked."""
-    members = [member for member in members if not member.is_dir()]
+    names = {member: member.orig_filename.replace("\\", "/") for member in members}  # as unzip takes them
+    members = [member for member in members if not names[member].endswith("/")]
     if len(members) > limits.files:
         raise TooLarge(f"{name}: {len(members):,} files; at most {limits.files:,} are read; pack fewer", "files")
     unpacked = sum(member.file_size for member in members)
@@ -280,10 +281,10 @@ def check_members(name: str, members: list[zipfile.ZipInfo], limits: Limits) -> 
         raise TooLarge(f"{name}: unpacks to over {limits.ratio} times its size; give the files unpacked", "ratio")
     found: dict[str, zipfile.ZipInfo] = {}
     for member in members:
-        key = resolve_key(member.orig_filename)
+        key = resolve_key(names[member])
         what = clean_text(member.orig_filename)
         if key is None:
-            raise Unreadable(f"{name}: the name {what} leads out of the zip; pack relative names with / only")
+            raise Unreadable(f"{name}: the name {what} leads out of the zip; pack relative names")
         if stat.S_ISLNK(member.external_attr >> 16):
             raise UnsupportedType(f"{name}: {what} is a link; pack the file itself")
         if member.flag_bits & 0x1:

@@ -197,19 +197,35 @@ def encrypted() -> bytes:
     return bytes(data)
 
 
+def test_names_with_backslashes_are_taken_as_unzip_takes_them(tmp_path: Path) -> None:
+    data = make_zip({"m\\": b"", "m\\a.obj": OBJ, "m\\t\\x.png": b"x", "m\\.hidden": b""})
+    (tmp_path / "a.zip").write_bytes(data)
+    for bundle in (Bundle.from_upload("a.zip", data), Bundle.from_path(tmp_path / "a.zip")):
+        assert dict(bundle.files) == {"m/a.obj": OBJ, "m/t/x.png": b"x"}
+
+
 @pytest.mark.filterwarnings("ignore:Duplicate name")
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
         *(
             (lambda name=name: make_zip({name: OBJ}), Unreadable, "leads out of the zip")
-            for name in ("../a.obj", "/a.obj", "m/../../a.obj", "C:/a.obj", "m\\a.obj", "..\\a.obj")
+            for name in (
+                "../a.obj",
+                "/a.obj",
+                "m/../../a.obj",
+                "C:/a.obj",
+                "C:\\a.obj",
+                "m\\..\\..\\a.obj",
+                "..\\a.obj",
+            )
         ),
         (lambda: zip_members(("a.obj", b"/etc/passwd"), mode=stat.S_IFLNK | 0o777), UnsupportedType, "is a link"),
         (encrypted, Unreadable, "encrypted; pack it without a password"),
         (lambda: make_zip({"b.zip": make_zip({"a.obj": OBJ})}), UnsupportedType, "holds another zip"),
         (lambda: zip_members(("a.obj", OBJ), compression=zipfile.ZIP_LZMA), UnsupportedType, "plain deflate"),
         (lambda: zip_members(("a.obj", OBJ), ("a.obj", b"v 9 9 9")), Unreadable, "twice"),
+        (lambda: zip_members(("m/a.obj", OBJ), ("m\\a.obj", b"v 9 9 9")), Unreadable, "twice"),
     ],
 )
 def test_zips_that_are_refused(
