@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ciir.errors import TooLarge, Unreadable
+from ciir.errors import TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.readers.meshes.geometry import add_alpha, normalise, split_corners
 from ciir.renderer.readers.meshes.polygons import triangulate
 from ciir.renderer.readers.names import clean_text
@@ -35,7 +35,8 @@ _FORMATS = ("ascii", "binary_little_endian", "binary_big_endian")
 def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
     """The faces of a PLY as one surface, with its normals, and its colours (display-referred) or texture.
 
-    Raises `Unreadable` where it is cut short or malformed, `TooLarge` over `limits`.
+    Raises `Unreadable` where it is cut short or malformed, `UnsupportedType` for triangle strips, `TooLarge` over
+    `limits`.
     """
     # The parsers behind load_ply: that one reads textures, colours and edges as well.
     from trimesh.exchange.ply import _parse_header
@@ -43,6 +44,8 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
     file = io.BytesIO(_with_plain_header(data, name))
     elements, is_ascii, picture = _parse_header(file)
     header = file.getvalue()[: file.tell()].splitlines()
+    if "tristrips" in elements and "face" not in elements:
+        raise UnsupportedType(f"{name}: a PLY of triangle strips (tristrips), which are not read; export it with faces")
     for kind, element in elements.items():
         _check_count(name, kind, element["length"], limits.triangles)
     (_parse_ascii if is_ascii else _parse_binary)(elements, file, name)

@@ -147,6 +147,14 @@ def test_malformed_files(data: bytes, message: str) -> None:
     assert_refused(".ply", data, message)
 
 
+def test_triangle_strips_are_named() -> None:
+    data = (
+        header("ascii", XYZ, 1).replace(b"element face 1", b"element tristrips 1")
+        + b"0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3"
+    )
+    assert_refused(".ply", data, r"a PLY of triangle strips \(tristrips\), which are not read; export it with faces")
+
+
 def test_one_long_number_does_not_widen_all_the_others() -> None:
     text = ascii_square(XYZ, ["0 0 " + "9" * 50_000, *PLAIN_ROWS[1:]])
     assert_refused_in_little_memory(".ply", text + b" 0" * 5000)
