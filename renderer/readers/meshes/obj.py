@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _NUMBERS = (b"v", b"vt", b"vn", b"f")
 _NAMES = (b"usemtl", b"mtllib")
 _LEFT_OUT = {b"l": "lines", b"p": "points", b"curv": "curves", b"surf": "free-form surfaces"}
-_COMMENT = re.compile(rb"(?m)^([ \t\r\v\f]*(?:v|vt|vn|f)[ \t\r\v\f][^#\n]*)#[^\n]*")
+_COMMENT = re.compile(rb"(?mi)^([ \t\r\v\f]*(?:v|vt|vn|f)[ \t\r\v\f][^#\n]*)#[^\n]*")
 BRIGHTEST = 2.0
 """Largest vertex colour where 1 is white: scanners overshoot it, and levels of 8 bits go far beyond."""
 MAX_LIBRARIES = 100

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 _SPACE = np.isin(np.arange(256), list(b" \t\n\r\v\f"))
 _NEWLINE = ord("\n")
+_LOWER = 0x20
+"""The bit that makes a letter a small one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +49,7 @@ class Rows:
 
 
 def sort_lines(text: bytes, words: Sequence[bytes]) -> dict[bytes, Rows]:
-    """The lines that start with each of `words`."""
+    """The lines that start with each of `words`, which are in lower case, in lower or upper case."""
     data = np.frombuffer(text + b"\n" + b" " * max(map(len, words)), np.uint8)
     ends = np.flatnonzero(data == _NEWLINE) + 1
     starts = np.concatenate([[0], ends[:-1]])
@@ -59,7 +61,7 @@ def sort_lines(text: bytes, words: Sequence[bytes]) -> dict[bytes, Rows]:
     for word in words:
         matches = _SPACE[data[first + len(word)]]
         for place, letter in enumerate(word):
-            matches &= data[first + place] == letter
+            matches &= data[first + place] | _LOWER == letter
         chosen = filled[matches]
         rows[word] = Rows(chosen, starts[chosen], ends[chosen], counts[chosen] - 1)
     return rows

@@ -73,6 +73,13 @@ def test_a_texture_that_is_scaled_and_moved(options: bytes, scale: list[float], 
     assert scene.notes == ()
 
 
+def test_keywords_in_capitals() -> None:
+    text = TEXTURED.replace(b"mtllib", b"MTLLIB").replace(b"usemtl", b"UseMtl").replace(b"f 1", b"F 1")
+    scene = read(text, {"a.mtl": b"newmtl a\nmap_Kd x.png", "x.png": PICTURE})
+    assert scene.parts[0].texture is not None
+    assert scene.notes == ()
+
+
 def test_names_in_quotes() -> None:
     text = TEXTURED.replace(b"a.mtl", b'"a b.mtl"')
     scene = read(text, {"a b.mtl": b'newmtl a\nmap_Kd "x y.png"', "x y.png": PICTURE})
