@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from ciir.errors import InvalidOption, UnknownModel
 from ciir.models import catalogue
 from ciir.models.light_field.strides import choose_stride
+from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray, compute_delta
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.view_set.view_files import ViewFiles
@@ -22,6 +23,9 @@ from ciir.service.pipeline.options import AUTO, MESH, NO_MODEL, Options
 from ciir.service.pipeline.stages.arrangement import Arrangement, arrange_views
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from ciir.renderer.placement import Placement
     from ciir.renderer.view_order.estimate import OrderEstimate
     from ciir.renderer.views import DepthSense, View
@@ -76,6 +80,12 @@ class Job:
     def array(self) -> LensArray:
         """The lens array, with a pitch of 1 and a usual delta where nothing is known of them."""
         return LensArray(*self.lenses, *self.grid, self.pitch or 1.0, self.delta or 0.0)
+
+    @cached_property
+    def scene_transform(self) -> NDArray[np.float64]:
+        """The 4x4 matrix that places the mesh at the lens array; a pass over all vertices, made once."""
+        assert self.mesh is not None  # noqa: S101 - a light field has no place
+        return frame_scene(self.mesh, self.array, self.placement)
 
     @property
     def samples(self) -> int:

@@ -133,7 +133,7 @@ def _find_view_windows(job: Job, mesh: Scene, light_field: Entry, single: Entry)
     """
     can_run = job.scale in light_field.scales and not light_field.unsupported_reason
     is_considered = can_run and job.frames == 1 and job.neighbour_time > 0
-    found = find_view_windows(mesh, job.array, job.placement) if is_considered else None
+    found = find_view_windows(mesh, job.array, job.placement, job.scene_transform) if is_considered else None
     if found is None:
         return None, ""
     against, rendered = _judge_neighbours(job, mesh, light_field, single, found)

@@ -55,7 +55,6 @@ class MeshViews:
         """Opens the backend and places the mesh. Raises `BackendUnavailable`."""
         with self._clock.stage("render"):
             from ciir.renderer.backends import open_backend
-            from ciir.renderer.framing import frame_scene
 
             self._backend, self._reason = open_backend(
                 self._job.backend,
@@ -63,7 +62,7 @@ class MeshViews:
                 rays=self.samples,
                 is_see_through=self._mesh.is_see_through,
             )
-            self._matrix = frame_scene(self._mesh, self._job.array, self._job.placement)
+            self._matrix = self._job.scene_transform
             self._placed = self._mesh.transform(self._matrix)
 
     def make_views(self, views: Sequence[View]) -> Iterator[NDArray[Any]]:

@@ -16,7 +16,6 @@ import numpy as np
 
 from ciir.errors import InvalidOption
 from ciir.models.light_field.windows import WINDOW_SIDE
-from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 
 if TYPE_CHECKING:
@@ -77,13 +76,15 @@ class ViewWindows:
         return WindowArray(**kept | {"pixels_v": rows, "pixels_u": cols}, spacing=self.spacing)
 
 
-def find_view_windows(mesh: Scene, array: LensArray, placement: Placement) -> ViewWindows | None:
+def find_view_windows(
+    mesh: Scene, array: LensArray, placement: Placement, matrix: NDArray[np.float64]
+) -> ViewWindows | None:
     """The windows that help best, none wider than the array's range of views; None where the mesh's bounds are not what
-    is framed, so that what is seen isn't known, and where the grid would be out of range.
+    is framed, so that what is seen isn't known, and where the grid would be out of range. `matrix`: that of
+    `frame_scene`.
     """
     if mesh.window is not None or placement.fit == "none":
         return None
-    matrix = frame_scene(mesh, array, placement)
     low, high = mesh.bounds()
     corners = np.array(list(product(*zip(low, high, strict=True), (1.0,))))
     moved = float(np.abs(corners @ matrix[2]).max()) * array.delta / array.pitch

@@ -8,12 +8,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciir.models.light_field.windows import list_window
+from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.placement import Placement
 from ciir.renderer.scene import Window
 from ciir.renderer.scenes import load_scene
+from ciir.service.pipeline import job
 from ciir.service.pipeline.stages.view_windows import LEAST, MOVED, ViewWindows, find_view_windows
 from tests.support.pipeline import run
+
+
+def find_windows(mesh, array, placement):
+    return find_view_windows(mesh, array, placement, frame_scene(mesh, array, placement))
+
 
 COUNTS = st.integers(1, 20)
 
@@ -37,8 +44,8 @@ def test_views_of_the_array_keep_their_directions_in_the_middle_of_a_window(coun
 @pytest.mark.parametrize("place", [-1.0, 0.0, 1.0])
 def test_the_farthest_content_moves_by_what_is_best_within_the_range_of_the_array(lenses, place):
     mesh, array = load_scene("vase"), LensArray(lenses, lenses, 15, 15)
-    spacing = find_view_windows(mesh, array, Placement(place=place)).spacing
-    depth = np.abs(mesh.transform(_frame(mesh, array, place)).bounds()[:, 2]).max()
+    spacing = find_windows(mesh, array, Placement(place=place)).spacing
+    depth = np.abs(mesh.transform(frame_scene(mesh, array, Placement(place=place))).bounds()[:, 2]).max()
     own = depth * array.delta / array.pitch
     assert own * spacing == pytest.approx(min(3.5 * own, MOVED))  # 3.5: four steps reach from one side to the other
 
@@ -47,23 +54,17 @@ def test_a_shallow_object_has_the_whole_range():
     mesh = load_scene("vase")
     flat = mesh.transform(np.diag([1.0, 1.0, 0.0, 1.0]))
     for pixels, spacing in (((15, 15), 3.5), ((9, 15), 2.0), ((3, 3), 1.0)):
-        assert find_view_windows(flat, LensArray(50, 50, *pixels), Placement(place=0.0)) == ViewWindows(spacing)
+        assert find_windows(flat, LensArray(50, 50, *pixels), Placement(place=0.0)) == ViewWindows(spacing)
 
 
 def test_the_views_of_the_array_help_where_what_is_seen_is_not_known():
     mesh, array = load_scene("vase"), LensArray(200, 200, 15, 15)
-    assert find_view_windows(mesh, array, Placement()).spacing == pytest.approx(0.23, abs=0.01)
-    assert find_view_windows(mesh, array, Placement(fit="none")) is None
+    assert find_windows(mesh, array, Placement()).spacing == pytest.approx(0.23, abs=0.01)
+    assert find_windows(mesh, array, Placement(fit="none")) is None
     window = Window(nearest=1.0, distance=2.0, farthest=3.0, half_height=1.0, half_width=None)
-    assert find_view_windows(replace(mesh, window=window), array, Placement()) is None
+    assert find_windows(replace(mesh, window=window), array, Placement()) is None
     wide = LensArray(200, 200, 3, 60_000, delta=0.03)
-    assert find_view_windows(mesh, wide, Placement()) is None  # more directions than an array may have
-
-
-def _frame(mesh, array, place):
-    from ciir.renderer.framing import frame_scene
-
-    return frame_scene(mesh, array, Placement(place=place))
+    assert find_windows(mesh, wide, Placement()) is None  # more directions than an array may have
 
 
 def test_they_bring_a_view_closer_to_the_truth():
@@ -88,3 +89,11 @@ def test_a_view_does_not_depend_on_the_others_that_are_wanted():
     for view, picture in several.items():
         alone, _ = run("vase", **options, views="{},{}".format(*view))
         np.testing.assert_array_equal(alone[view], picture)
+
+
+def test_the_mesh_is_framed_once(monkeypatch):
+    framed = []
+    monkeypatch.setattr(job, "frame_scene", lambda *given: framed.append(given) or frame_scene(*given))
+    _, report = run("vase", lenses=(12, 10), model="field", backend="raytrace")
+    assert any("are rendered around" in reason for reason in report["plan"]["reasons"])
+    assert len(framed) == 1
