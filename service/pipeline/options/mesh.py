@@ -67,7 +67,9 @@ MESH = {
         make_name(get_args(Sampling)),
         "lenslet",
     ),
-    "background": Option("RRGGBB", "colour behind a mesh (default 000000)", values.COLOUR, "ffffff"),
+    "background": Option(
+        "RRGGBB", "colour behind a mesh, also #fff, white or black (default 000000)", values.COLOUR, "ffffff"
+    ),
     "time": Option(
         "SECONDS",
         "moment of a glTF mesh's animation (default: as it is stored); several, as 0,0.5,1 or START:STOP:COUNT, make a "

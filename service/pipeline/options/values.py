@@ -25,6 +25,8 @@ ANGLE = r"-?[0-9]{1,3}(\.[0-9]{1,6})?"
 MOST_FRAMES = 3600
 """The largest count of times, or of yaws, that may be given."""
 _SECONDS = r"[0-9]{1,6}(\.[0-9]{1,9})?"
+_COLOUR = "#?([0-9a-fA-F]{3}){1,2}|white|black"
+_NAMED_COLOURS = {"white": "fff", "black": "000"}
 _LONGEST_LABEL = 200
 """Most characters of a name in a file."""
 
@@ -106,10 +108,14 @@ def _read_number(name: str, text: str) -> float:
 
 
 def _read_colour(name: str, text: str) -> tuple[int, int, int]:
-    match = re.fullmatch(r"\s*#?([0-9a-fA-F]{2})([0-9a-fA-F]{2})([0-9a-fA-F]{2})\s*", text)
-    if match is None:
-        raise InvalidOption(f"{name}: {text[:40]!r} is not a colour; give RRGGBB in hexadecimal, such as ffffff")
-    return int(match[1], 16), int(match[2], 16), int(match[3], 16)
+    bare = text.strip().lower()
+    if re.fullmatch(_COLOUR, bare) is None:
+        raise InvalidOption(
+            f"{name}: {text[:40]!r} is not a colour; give RRGGBB in hexadecimal, such as ffffff, or white or black"
+        )
+    digits = _NAMED_COLOURS.get(bare, bare.removeprefix("#"))
+    red, green, blue = bytes.fromhex("".join(digit * 2 for digit in digits) if len(digits) == 3 else digits)
+    return red, green, blue
 
 
 def _refuse(value: Any) -> Any:
@@ -240,7 +246,7 @@ LABEL = ValueType(
     "a name or a whole number, such as 0",
 )
 COLOUR = ValueType(
-    {"type": "string", "pattern": "^([0-9a-fA-F]{6})?$"},
+    {"type": "string", "pattern": f"^({_COLOUR})?$"},
     _read_colour,
     lambda value: _convert_whole_numbers(value, 3, 255),
     "red, green and blue from 0 to 255, such as (255, 255, 255)",

@@ -1,4 +1,5 @@
 import json
+import re
 from dataclasses import fields
 from typing import get_args
 
@@ -12,6 +13,7 @@ from ciir.renderer.readers.lenslet.grid import Known
 from ciir.renderer.writers.options import TEXT_FILES
 from ciir.service.pipeline.options import NAMES, Options, write_texts
 from ciir.service.pipeline.options.focus import Method, Occluders
+from ciir.service.pipeline.options.options import describe
 from ciir.service.pipeline.options.rotation import list_yaws
 
 
@@ -60,7 +62,7 @@ def test_parses_every_option():
     [
         ("lenses", "50"), ("lenses", "0x5"), ("lenses", "-1x5"), ("lenses", "5x5x5"), ("pixels", "axb"),
         ("scale", "2.5"), ("scale", "0"), ("scale", "9"), ("scale", ""), ("strategy", "fast"), ("backend", "gpu"),
-        ("sampling", "x"), ("pickup", "x"), ("background", "red"), ("background", "fff"), ("pitch", "wide"),
+        ("sampling", "x"), ("pickup", "x"), ("background", "red"), ("background", "ffff"), ("pitch", "wide"),
         ("pitch", "0"), ("pitch", "-1"), ("pitch", "nan"), ("delta", "inf"), ("delta", "1e10"), ("depth", "far"),
         ("skip", "all"), ("order", "diagonal"), ("flip", "x"), ("transpose", "maybe"),
         ("crop", "1,2,3"), ("crop", "1,2,3,-4"), ("arrangement", "quilt"),
@@ -185,6 +187,22 @@ def test_times_are_written_as_they_are_read(text, times, written):
 def test_other_times_are_refused(value):
     with pytest.raises(InvalidOption, match=r"^time: "):
         Options.convert({"time": value})
+
+
+@pytest.mark.parametrize(
+    ("text", "colour"),
+    [
+        ("ff8000", (255, 128, 0)),
+        (" #FF8000 ", (255, 128, 0)),
+        ("#f80", (255, 136, 0)),
+        ("f80", (255, 136, 0)),
+        ("white", (255, 255, 255)),
+        ("Black", (0, 0, 0)),
+    ],
+)
+def test_colours(text, colour):
+    assert Options.parse({"background": text}).background == colour
+    assert re.fullmatch(describe("background")["pattern"], text.strip().lower())
 
 
 @pytest.mark.parametrize(
