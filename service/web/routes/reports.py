@@ -202,6 +202,15 @@ class PlaneReport(ReconstructionReport):
 
 
 @described
+class DisparityRange(TypedDict):
+    """Of the pixels with texture and at least that confidence; of a mesh, of those that show it."""
+
+    least: float
+    largest: float
+    confidence: float
+
+
+@described
 class DisparityMap(TypedDict):
     """A disparity map. Larger disparities are nearer (HCI 4D light field benchmark)."""
 
@@ -212,6 +221,8 @@ class DisparityMap(TypedDict):
     least: float
     """Pixels of the map."""
     largest: float
+    confident: DisparityRange | None
+    """None where the view has too little texture."""
     exact: bool
     """Whether it was rendered, of a mesh."""
     format: str

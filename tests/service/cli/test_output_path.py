@@ -14,6 +14,7 @@ from ciir.renderer.writers.writer import Contents
 from ciir.service.cli import output_path
 from ciir.service.cli.main import main
 from tests.support.cli import SMALL, fails
+from tests.support.displays import CALIBRATION
 from tests.support.inputs import CUBE, contains_all, make_picture
 from tests.support.servers import run_python
 
@@ -112,6 +113,9 @@ def test_a_report_that_has_no_place_is_refused_before_any_work(folder, capsys, m
     assert list(folder.iterdir()) == []
 
 
+PANEL = b"[panel]\npixels = [60, 40]\npitch = 0.1\n[lenses]\npitch = 1.0\ngap = 3.0\n"
+
+
 @pytest.mark.parametrize(
     "words",
     [
@@ -126,10 +130,11 @@ def test_a_report_that_has_no_place_is_refused_before_any_work(folder, capsys, m
 )
 def test_outputs_that_are_read_or_that_are_one_file_are_refused(folder, capsys, monkeypatch, words):
     monkeypatch.setattr("ciir.service.cli.common.open_input", pytest.fail)
-    (folder / "w.png").write_bytes(b"mine")
+    mine = {"--calibration": json.dumps(CALIBRATION).encode(), "--display": PANEL}.get(words[1], b"mine")
+    (folder / "w.png").write_bytes(mine)
     refused(capsys, [words[0], "../p.png", *words[1:]], "give another place" if "w.png" in words else "two outputs")
     assert [path.name for path in folder.iterdir()] == ["w.png"]
-    assert (folder / "w.png").read_bytes() == b"mine"
+    assert (folder / "w.png").read_bytes() == mine
 
 
 def test_a_report_where_nothing_may_be_written(folder, capsys, monkeypatch):
