@@ -6,9 +6,9 @@ are unsigned 8 bit, `value = scale * (code - zero)`; biases are 32 bit with the 
 The integer kernels of processors with VNNI need input channels in fours and output channels in sixteens, and are 2 to 4
 times slower otherwise. So zeros are added to pictures and filters, and cut off again after each layer.
 
-Where a layer's input joins the outputs of others, each part has a grid of its own: its codes are joined as they are,
-and filters are scaled by the ratio of the grids. A part with negative values is joined twice, as it is and negated,
-each on a grid that begins at zero.
+Where a layer's input joins the outputs of others behind ReLUs, each part has a grid of its own: its codes are joined as
+they are, and filters are scaled by the ratio of the grids. A part with negative values, of which there may be one, is
+joined twice, as it is and negated, each on a grid that begins at zero.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ class Layer(NamedTuple):
     convolution: onnx.NodeProto
     activation: onnx.NodeProto | None
     parts: Mapping[str, int] = {}
-    """The tensors that a Concat joins to the input, with their numbers of channels; empty where none of them, or not
-    all but one, are outputs of layers."""
+    """The tensors that a Concat joins to the input, with their numbers of channels: outputs of layers behind ReLUs, and
+    at most one of anything else. Empty where others are joined, or where the input or that one is read elsewhere."""
 
     @property
     def name(self) -> str:
@@ -94,26 +94,34 @@ def find_layers(model: onnx.ModelProto) -> list[Layer]:
     for node in model.graph.node:
         for name in node.input:
             readers.setdefault(name, []).append(node)
-    joins = {node.output[0]: list(node.input) for node in model.graph.node if node.op_type == "Concat"}
+    joins = {
+        node.output[0]: list(node.input)
+        for node in model.graph.node
+        if node.op_type == "Concat" and node.attribute[0].i == 1 and len(readers.get(node.output[0], [])) == 1
+    }
     found: list[Layer] = []
-    channels: dict[str, int] = {}  # of the outputs of layers
+    channels: dict[str, int] = {}  # of the outputs of layers; 0 where they are not behind a ReLU
     for node in model.graph.node:
         groups = next((a.i for a in node.attribute if a.name == "group"), 1)
         if node.op_type == "Conv" and groups == 1 and node.input[1] in constants and node.output[0] not in pictures:
             after = readers.get(node.output[0], [])
             activation = after[0] if len(after) == 1 and after[0].op_type in ACTIVATIONS else None
             parts = _count_channels(joins.get(node.input[0], []), channels, constants[node.input[1]][1])
+            if any(len(readers[part]) > 1 for part in parts if part not in channels):
+                parts = {}
             found.append(Layer(node, activation, parts))
-            channels[found[-1].output] = constants[node.input[1]][0]
+            is_behind_relu = activation is not None and activation.op_type == "Relu"
+            channels[found[-1].output] = constants[node.input[1]][0] if is_behind_relu else 0
     return found
 
 
 def _count_channels(parts: Sequence[str], channels: Mapping[str, int], total: int) -> dict[str, int]:
     """The channels of each of `parts`, `total` in all: `channels` holds those of layers; empty as `Layer.parts`."""
     known = {part: channels[part] for part in parts if part in channels}
-    if not known or len(known) < len(parts) - 1:
+    others, rest = len(parts) - len(known), total - sum(known.values())
+    if not known or not all(known.values()) or others > 1 or others != bool(rest):
         return {}
-    return {part: known.get(part, total - sum(known.values())) for part in parts}
+    return {part: known.get(part, rest) for part in parts}
 
 
 def insert_qdq(model: onnx.ModelProto, grids: Mapping[str, Grid], kept: Collection[str] = ()) -> onnx.ModelProto:
@@ -136,7 +144,7 @@ class _GraphRewriter:
         self.read_as: dict[str, str] = {}
         """Tensor -> its values after a QDQ pair."""
         self.codes: dict[str, str] = {}
-        """Tensor -> its codes, which became those values."""
+        """Tensor -> its codes."""
         self.nodes: list[onnx.NodeProto] = []
         self.constants: list[onnx.TensorProto] = []
 
@@ -200,8 +208,7 @@ class _GraphRewriter:
         if not more:
             return self.add_pair(name), grid, weight
         if wide not in self.read_as:  # two convolutions may read it
-            codes = self.codes.get(name) or self.add_codes(name, grid)
-            self.add_read(wide, self.add_channels(codes, more, grid), grid)
+            self.add_read(wide, self.add_channels(self.add_codes(name, grid), more, grid), grid)
         return self.read_as[wide], grid, np.pad(weight, ((0, 0), (0, more), (0, 0), (0, 0)))
 
     def add_join(self, layer: Layer, weight: NDArray[np.float32]) -> tuple[str, Grid, NDArray[np.float32]]:
@@ -212,7 +219,7 @@ class _GraphRewriter:
         for part, some in zip(layer.parts, np.split(weight, ends, axis=1), strict=True):
             scale, zero = self.grids[part]
             if zero == 0:
-                codes.append(self.codes.get(part) or self.add_codes(part, self.grids[part]))
+                codes.append(self.add_codes(part, self.grids[part]))
                 filters.append(some * (scale / grid.scale))
                 continue
             half = Grid(np.float32(scale * max(zero, 255 - zero) / 255), np.uint8(0))
@@ -240,9 +247,11 @@ class _GraphRewriter:
         return self.read_as[name]
 
     def add_codes(self, name: str, grid: Grid) -> str:
-        """The codes of a tensor on a grid."""
-        scale, zero = self.add_constant(f"{name}_scale", grid.scale), self.add_constant(f"{name}_zero", grid.zero)
-        return self.add_node("QuantizeLinear", [name, scale, zero], f"{name}_codes")
+        """The codes of a tensor on a grid, those that are there already."""
+        if name not in self.codes:
+            scale, zero = self.add_constant(f"{name}_scale", grid.scale), self.add_constant(f"{name}_zero", grid.zero)
+            self.codes[name] = self.add_node("QuantizeLinear", [name, scale, zero], f"{name}_codes")
+        return self.codes[name]
 
     def add_channels(self, codes: str, count: int, grid: Grid) -> str:
         """`codes` with `count` more channels, of zeros."""

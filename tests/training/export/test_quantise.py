@@ -168,6 +168,47 @@ def test_joined_outputs_of_layers_keep_their_own_grids(pairs):
     assert np.abs(open_session(kept.SerializeToString(), 1).run(None, pairs[0].inputs)[0] - wanted).max() < 3 / 255
 
 
+class ReadTwice(torch.nn.Module):
+    """5 channels that are read by a layer, which needs more of them in 8 bits, and joined to its output."""
+
+    scale = 2
+
+    def __init__(self):
+        super().__init__()
+        self.first, self.second = torch.nn.Conv2d(3, 5, 3, padding=1), torch.nn.Conv2d(5, 16, 3, padding=1)
+        self.join, self.last = torch.nn.Conv2d(5 + 16, 16, 3, padding=1), torch.nn.Conv2d(16, 12, 3, padding=1)
+
+    def forward(self, image):
+        first = torch.relu(self.first(image))
+        joined = torch.cat([first, torch.relu(self.second(first))], 1)
+        return torch.nn.functional.pixel_shuffle(self.last(torch.relu(self.join(joined))) + image.repeat(1, 4, 1, 1), 2)
+
+
+def test_a_joined_layer_that_is_kept_in_float(pairs):
+    torch.manual_seed(7)
+    model = onnx.load_from_string(to_onnx.convert_network(ReadTwice().eval(), 2))
+    grids = quantise.choose_grids(model, pairs)
+    assert list(next(layer for layer in qdq.find_layers(model) if layer.parts).parts.values()) == [5, 16]
+    for kept in ("first.weight", "second.weight"):
+        onnx.checker.check_model(qdq.insert_qdq(model, grids, [kept]), full_check=True)
+
+
+@pytest.mark.parametrize("name", ["rrdb", "rdn"])
+def test_dense_networks(name, pairs):
+    """They join outputs without a ReLU, and what other layers read: such inputs have one grid."""
+    options = {"rrdb": {"blocks": 1, "channels": 16, "growth": 8}, "rdn": {"blocks": 1, "layers": 2, "growth": 16}}
+    torch.manual_seed(7)
+    weights = to_onnx.convert_network(make_network(name, options[name]).eval(), 2)
+    model = onnx.load_from_string(weights)
+    assert not any(layer.parts for layer in qdq.find_layers(model))
+    made = qdq.insert_qdq(model, quantise.choose_grids(model, pairs))
+    onnx.checker.check_model(made, full_check=True)
+    wanted, output = (
+        open_session(network, 1).run(None, pairs[0].inputs)[0] for network in (weights, made.SerializeToString())
+    )
+    assert np.abs(output - wanted).max() < 3 / 255
+
+
 def test_the_picture_itself_is_not_rounded():
     model = onnx.load_from_string(to_onnx.convert_network(make_network("lite", {"blocks": 1, "channels": 8}).eval(), 2))
     assert "tail.weight" in {value.name for value in model.graph.initializer}
