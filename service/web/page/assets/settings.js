@@ -8,6 +8,7 @@ import { MODELS, SENTENCES, TEXTS } from "./texts.js";
 
 /** Options that say where the lenses of a picture are. */
 export const LENSES = ["lenses", "pixels", "lens_pitch", "lens_offset", "lens_rotation", "lens_grid", "arrangement"];
+const NAMED_COLOURS = /** @type {Record<string, string>} */ ({ white: "ffffff", black: "000000" });
 const form = find("settings", HTMLFormElement);
 /** @type {Map<string, number[]>} Scales of the networks, and of interpolations. */
 const scales = new Map([["auto", [2]]]);
@@ -78,10 +79,12 @@ export function writeSettings(settings) {
 
 /**
  * @param {HTMLInputElement} field
- * @param {string} value As the server takes it, such as `ffffff`; it refuses what is no colour.
+ * @param {string} value As the server takes it, such as `ffffff`, `#fff` or `white`; it refuses what is no colour.
  */
 function writeColour(field, value) {
-  if (/^[0-9a-f]{6}$/i.test(value)) field.value = `#${value}`;
+  const text = value.trim().toLowerCase();
+  const digits = NAMED_COLOURS[text] ?? /^#?([0-9a-f]{6}|[0-9a-f]{3})$/.exec(text)?.[1];
+  if (digits) field.value = `#${digits.length === 3 ? digits.replace(/./g, "$&$&") : digits}`;
   else others[field.name] = value;
 }
 

@@ -91,6 +91,15 @@ def test_a_background_is_chosen_and_shown_by_the_preview_too(page):
     page.wait_for_url(lambda url: "background" not in url)
 
 
+@pytest.mark.parametrize("text", ["white", "%23fff", "FFF"])
+def test_a_background_as_the_server_takes_it_is_shown_and_changed(page, text):
+    open_mesh(page, "glb", f"background={text}")
+    field = page.locator("#settings [name=background]")
+    expect(field).to_have_value("#ffffff")
+    field.fill("#000000")
+    page.wait_for_url(lambda url: "background" not in url)
+
+
 def test_a_background_that_is_none_is_refused(page):
     page.expected = ["422"]
     go_to(page, "#scene=vase&lenses=20x30&pixels=3x3&background=red")
