@@ -1,16 +1,32 @@
 """Runs the command line, `ciir` or `python -m ciir`. Ctrl-C ends it in order, also while its modules are imported."""
 
+from __future__ import annotations
+
+import os
+import signal
 import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from types import FrameType
 
 
 def main() -> int:
     """Runs the command line's own arguments and returns the exit status."""
-    try:
-        from ciir.service.cli.main import main as run
-    except KeyboardInterrupt:
-        print("ciir: interrupted", file=sys.stderr)
-        return 130
+    is_usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # not ignored, as for background commands
+    if is_usual:
+        signal.signal(signal.SIGINT, _end)
+    from ciir.service.cli.main import main as run
+
+    if is_usual:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     return run()
+
+
+def _end(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - the signature is Python's
+    """Ends the process at once: modules such as numpy's make other errors of a `KeyboardInterrupt`."""
+    print("ciir: interrupted", file=sys.stderr, flush=True)
+    os._exit(130)
 
 
 if __name__ == "__main__":

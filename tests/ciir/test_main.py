@@ -1,26 +1,47 @@
+import signal
+import subprocess
 import sys
 import tomllib
 from pathlib import Path
 
+import pytest
+
 from ciir.__main__ import main
 
-MODULE = "ciir.service.cli.main"
+INTERRUPTED_IMPORT = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.{handler})
 
-
-class InterruptedImport:
-    """A finder of modules that is interrupted at the command line's."""
-
-    @staticmethod
+class Finder:
     def find_spec(name, *_):
-        if name == MODULE:
-            raise KeyboardInterrupt
+        if name == "ciir.service.cli.main":
+            try:
+                signal.raise_signal(signal.SIGINT)
+            except KeyboardInterrupt:
+                raise ImportError("as numpy does") from None
+
+sys.meta_path.insert(0, Finder)
+from ciir.__main__ import main
+sys.argv[1:] = ["--version"]
+sys.exit(main())
+"""
 
 
-def test_ctrl_c_while_modules_are_imported(monkeypatch, capsys):
-    monkeypatch.delitem(sys.modules, MODULE, raising=False)
-    monkeypatch.setattr(sys, "meta_path", [InterruptedImport, *sys.meta_path])
-    assert main() == 130
-    assert capsys.readouterr().err == "ciir: interrupted\n"
+@pytest.mark.parametrize(
+    ("handler", "status", "message"), [("default_int_handler", 130, "ciir: interrupted\n"), ("SIG_IGN", 0, "")]
+)
+def test_ctrl_c_while_modules_are_imported(handler, status, message):
+    code = INTERRUPTED_IMPORT.format(handler=handler)
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)  # noqa: S603
+    assert (ended.returncode, ended.stderr) == (status, message)
+
+
+def test_ctrl_c_is_usual_afterwards(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["ciir", "--version"])
+    before = signal.getsignal(signal.SIGINT)
+    assert main() == 0
+    assert capsys.readouterr().out
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_the_installed_command_is_the_same():
