@@ -43,6 +43,10 @@ def open_filesystem(text: str) -> tuple[Any, str]:
         raise InvalidOption(f"{text}: the package that reads such URLs is not installed ({error}){extra}") from error
     except ValueError as error:
         raise InvalidOption(f"{text}: no such kind of URL ({error}); give a path, or a URL such as s3://") from error
+    except (AttributeError, TypeError) as error:  # fsspec makes its file system without what the URL lacks
+        raise InvalidOption(
+            f"{text}: a URL of this kind doesn't say all that is needed ({error}); give a path, or a URL such as s3://"
+        ) from error
     return filesystem, path.rstrip("/") or path
 
 

@@ -87,6 +87,7 @@ def test_a_folder_of_views_is_one_input(tmp_path):
         (["absent.png"], "no such file"),
         (["*.absent"], "holds no input"),
         (["nosuch://y"], "no such kind"),
+        (["github://a/b"], "doesn't say all that is needed"),
     ],
 )
 def test_what_is_no_input(texts, message):
