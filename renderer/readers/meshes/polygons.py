@@ -108,7 +108,8 @@ def _cut_ears(points: Sequence[Point], work: list[int]) -> list[tuple[int, int, 
         before, corner, after = left[at - 1], left[at], left[(at + 1) % len(left)]
         ear = points[before], points[corner], points[after]
         work[0] -= len(bent) + _TEST
-        if _turn(*ear) > 0 and not any(_lies_in(ear, point) for point in bent.values()):
+        is_repeated = ear[1] in (ear[0], ear[2])  # which cuts nothing off
+        if is_repeated or (_turn(*ear) > 0 and not any(_lies_in(ear, point) for point in bent.values())):
             ears.append((before, corner, after))
             del left[at]
             bent.pop(corner, None)

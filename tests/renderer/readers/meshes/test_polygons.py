@@ -10,6 +10,7 @@ BENT = [[0.0, 0, 0], [4, 0, 1], [4, 4, 0], [0, 4, 1]]
 ARROW = [[0.0, 0, 0], [1, 1, 0], [4, 0, 0], [0, 4, 0]]
 LETTER = [[0.0, 0, 0], [4, 0, 0], [4, 1, 0], [1, 1, 0], [1, 3, 0], [4, 3, 0], [4, 4, 0], [0, 4, 0]]
 WITH_HOLE = [*SQUARE, SQUARE[0], [1, 1, 0], [1, 3, 0], [3, 3, 0], [3, 1, 0], [1, 1, 0]]
+REPEATED = [*LETTER[:3], LETTER[2], *LETTER[3:5], LETTER[4], *LETTER[5:]]
 CROSSED = [[0.0, 0, 0], [4, 4, 0], [4, 0, 0], [0, 5, 0]]
 
 
@@ -26,7 +27,9 @@ def find_areas(corners: list[list[float]], triangles: NDArray[np.int64]) -> NDAr
     return np.cross(second - first, third - first)
 
 
-@pytest.mark.parametrize("polygon", [ARROW, LETTER, WITH_HOLE], ids=["arrow", "letter", "with a hole"])
+@pytest.mark.parametrize(
+    "polygon", [ARROW, LETTER, WITH_HOLE, REPEATED], ids=["arrow", "letter", "with a hole", "repeated corners"]
+)
 @pytest.mark.parametrize("first", range(4))
 @pytest.mark.parametrize("axes", [[0, 1, 2], [1, 0, 2], [2, 0, 1], [0, 2, 1]], ids=str)
 def test_triangles_fill_a_polygon_from_any_corner_on_any_side(
