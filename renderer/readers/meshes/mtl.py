@@ -60,7 +60,7 @@ def read_material(entry: dict[bytes, bytes], resolver: Resolver) -> Material:
 
     One that is black but for the light that it emits has the colour and the texture of that.
     """
-    diffuse, emitted = _read_color(entry.get(b"kd")), _read_color(entry.get(b"ke"))
+    diffuse, emitted = _read_color(entry.get(b"kd")), _read_emitted(entry.get(b"ke"))
     emits = emitted is not None and any(emitted)
     lit = not emits or b"map_kd" in entry or diffuse is None or any(diffuse)
     if emits and lit:
@@ -102,6 +102,14 @@ def _read_color(line: bytes | None) -> tuple[float, float, float] | None:
     words = line.split()
     red, green, blue = (min(max(float(word), 0.0), 1.0) for word in (words * 3 if len(words) == 1 else words)[:3])
     return red, green, blue
+
+
+def _read_emitted(line: bytes | None) -> tuple[float, float, float] | None:
+    """As `_read_color`; None for what is no colour, such as a spectral curve: most materials are drawn without it."""
+    try:
+        return _read_color(line)
+    except ValueError:
+        return None
 
 
 def _read_alpha(entry: dict[bytes, bytes]) -> float:

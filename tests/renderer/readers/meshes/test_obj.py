@@ -98,6 +98,14 @@ def test_a_material_that_only_emits_light_is_drawn_in_its_colour() -> None:
     assert scene.notes == ("light that a material emits is left out: its diffuse colour is drawn",)
 
 
+@pytest.mark.parametrize("light", [b"", b"0 0", b"spectral light.rfl", b"xyz 0.3 0.3 0.3"])
+def test_emitted_light_that_is_no_colour_is_left_out(light: bytes) -> None:
+    scene = read(TEXTURED, {"a.mtl": b"newmtl a\nKd 1 0 0\nKe " + light})
+    assert scene.parts[0].colors[:, 0].min() > 0
+    assert scene.parts[0].colors[:, 1:3].tolist() == [[0, 0]] * 3
+    assert scene.notes == ()
+
+
 def test_the_folders_of_another_machine_are_looked_through_by_name() -> None:
     library = rb"newmtl a" + b"\n" + rb"map_Kd .\textures\x.png"
     text = b"mtllib a.mtl\n" + SQUARE + UV + b"usemtl a\nf 1/1 2/2 3/3 4/4\n"
