@@ -154,9 +154,11 @@ def _reconstruct_frames(
 
 
 def _open_first(given: Input, each: Sequence[Options]) -> Content:
-    """The mesh at the first moment, of whose options `each` are, at which there is something to draw. Raises as
-    `Input.open`.
+    """The mesh at the first moment, of whose options `each` are, at which there is something to draw; at all yaws there
+    is the same. Raises as `Input.open`.
     """
+    if all(single.time == each[0].time for single in each):
+        return given.open(each[0], each[0].views)
     for single in each[:-1]:
         with suppress(NothingVisible):
             return given.open(single, single.views)

@@ -6,7 +6,7 @@ import av
 import numpy as np
 import pytest
 
-from ciir.errors import InvalidOption, TooLarge
+from ciir.errors import InvalidOption, NothingVisible, TooLarge
 from ciir.renderer.light_field import LightField
 from ciir.renderer.limits import Limits
 from ciir.renderer.readers.bundle import Bundle
@@ -16,6 +16,7 @@ from ciir.service.pipeline.one_file import RUNS, Output
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.report import Clock
 from ciir.service.pipeline.run import reconstruct
+from ciir.service.pipeline.source import Input
 
 CORNERS = np.array([(x, y, z) for x in (5.0, 8.0) for y in (0.0, 2.0) for z in (1.0, 2.0)])  # far from the origin
 SQUARES = "f 1 3 7 5\nf 2 4 8 6\nf 1 2 4 3\nf 5 6 8 7\n"
@@ -97,6 +98,15 @@ def test_the_video_has_a_frame_for_each_yaw_and_may_be_saved_later(tmp_path):
 def test_what_makes_no_video_is_refused(wrong, message):
     with pytest.raises(InvalidOption, match=message):
         run(**{"rotate": "0:360:4"} | wrong)
+
+
+def test_a_mesh_without_a_surface_is_read_once(monkeypatch):
+    opened = []
+    monkeypatch.setattr(Input, "open", lambda self, *given, _open=Input.open: opened.append(1) or _open(self, *given))
+    flat = Bundle("flat.obj", "flat.obj", {"flat.obj": b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n"}, Limits())
+    with pytest.raises(NothingVisible, match="all 1 triangles have zero area"):
+        run(flat, rotate="0:360:4")
+    assert len(opened) == 1
 
 
 def test_all_yaws_together_count():
