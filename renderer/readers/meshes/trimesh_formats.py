@@ -110,15 +110,17 @@ def read_off(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> l
     if head[1] == b"COFF" and vertex_count:
         return [replace(surface, colors=_read_colors([point[3:6] for point in points]), color=WHITE)]
     painted = [face[1 + length : 4 + length] for face, length in zip(faces, lengths.tolist(), strict=True)]
-    if not len(triangles) or min(map(len, painted)) < 3:  # one number would be an entry of a colour map
-        if any(painted):
-            resolver.add_note("colours that are not red, green and blue of every face are left out")
+    if not len(triangles) or not any(painted):
         return [surface]
-    colors = _read_colors(painted)[np.repeat(face_of, 3)]
+    try:
+        colors = _read_colors(painted)[np.repeat(face_of, 3)]
+    except ValueError:  # words, or rows of other lengths: one number would be an entry of a colour map
+        resolver.add_note("colours that are not red, green and blue of every face are left out")
+        return [surface]
     return [replace(split_corners(surface), colors=colors, color=WHITE)]
 
 
 def _read_colors(rows: list[list[bytes]]) -> NDArray[np.float32]:
-    """RGBA `(n, 4)` of red, green and blue from 0 to 1, or to 255 where one is above 1."""
-    colors = np.array(rows, np.float64).astype(np.float32)
+    """RGBA `(n, 4)` of red, green and blue from 0 to 1, or to 255 where one is above 1. `ValueError` for other rows."""
+    colors = np.array(rows, np.float64).reshape(len(rows), 3).astype(np.float32)
     return add_alpha(colors / (255 if colors.max() > 1 else 1))

@@ -56,8 +56,9 @@ def test_off_face_colours(color: bytes) -> None:
     )
 
 
-def test_off_colours_of_some_faces_are_noted() -> None:
-    scene = read_off(b"OFF\n4 2 0\n" + SQUARE + b"4 0 1 2 3 1 0 0\n3 0 1 3 7\n")
+@pytest.mark.parametrize("rest", [b"1 0 0\n3 0 1 3 7\n", b"6\n3 0 1 3 7\n", b"1 0 0\n3 0 1 3 red or blue\n"])
+def test_face_colours_of_off_that_are_not_all_colours_are_noted(rest: bytes) -> None:
+    scene = read_off(b"OFF\n4 2 0\n" + SQUARE + b"4 0 1 2 3 " + rest)
     assert scene.notes == ("colours that are not red, green and blue of every face are left out",)
 
 
