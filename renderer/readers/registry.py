@@ -145,7 +145,7 @@ FORMATS: tuple[Format, ...] = (
         is_one_file=True,
     ),
     MeshFormat(
-        name="OBJ", suffixes=(".obj",), text=re.compile(rb"^[ \t]*v[ \t]+[-+.\d]", re.MULTILINE), reader="obj:read"
+        name="OBJ", suffixes=(".obj",), text=re.compile(rb"^[ \t]*[vV][ \t]+[-+.\d]", re.MULTILINE), reader="obj:read"
     ),
     MeshFormat(name="DAE", suffixes=(".dae",), text=re.compile(rb"\A<[^\0]{0,4096}?<?COLLADA[\s>]"), reader="dae:read"),
     PictureFormat(name="PNG", suffixes=(".png",), signatures=(b"\x89PNG\r\n\x1a\n",), reader="png:decode"),

@@ -18,6 +18,7 @@ CONTENTS = {
     "a.vrm": (b"glTF\2\0\0\0", SUFFIXES[".glb"]),
     "a.gltf": (b'\xef\xbb\xbf {"asset": {"version": "2.0"}}', SUFFIXES[".gltf"]),
     "a.obj": (b"# made by hand\no thing\nv 0 0 0\n", SUFFIXES[".obj"]),
+    "b.obj": (b"O THING\nV 0 0 0\n", SUFFIXES[".obj"]),
     "a.PLY": (b"ply\nformat ascii 1.0\n", SUFFIXES[".ply"]),
     "a.stl": (b"solid thing\nfacet normal 0 0 1\n", SUFFIXES[".stl"]),
     "b.stl": (BINARY_STL, SUFFIXES[".stl"]),
