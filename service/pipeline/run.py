@@ -143,7 +143,9 @@ def _reconstruct_frames(
         reports.append(report | {"notes": []} if number in empty else report)
     if progress is not None:
         progress(len(moments), len(moments))
-    joined = join_reports(reports, moments) | {"options": options.as_dict(RECONSTRUCTION)}
+    shown = min({*range(len(each))} - empty)
+    joined = join_reports(reports, moments)
+    joined |= {"input": reports[shown]["input"], "options": options.as_dict(RECONSTRUCTION)}
     if empty:
         joined["notes"].append(
             f"time: nothing of the mesh is visible at {len(empty)} of {len(moments)} times, the first "
