@@ -95,28 +95,31 @@ def _cut_ears(points: Sequence[Point], work: list[int]) -> list[tuple[int, int, 
     """The triangles of a polygon whose corners run counterclockwise, as indices of `points`; None where it crosses
     itself, or `work`, the points that may still be compared, runs out.
     """
-    left = list(range(len(points)))
+    count = len(points)
+    # The corners that are left, as neighbours of each other: taking one out of a list would move all behind it.
+    before, after = [count - 1, *range(count - 1)], [*range(1, count), 0]
     # Only a corner that is not convex can lie in an ear, and cutting makes none that is not.
     bent = {
         corner: points[corner]
-        for corner in left
-        if _turn(points[corner - 1], points[corner], points[(corner + 1) % len(points)]) <= 0
+        for corner in range(count)
+        if _turn(points[before[corner]], points[corner], points[after[corner]]) <= 0
     }
     ears = []
-    at = missed = 0
-    while len(left) > 2:
-        before, corner, after = left[at - 1], left[at], left[(at + 1) % len(left)]
-        ear = points[before], points[corner], points[after]
+    corner = missed = 0
+    while count > 2:
+        last, following = before[corner], after[corner]
+        ear = points[last], points[corner], points[following]
         work[0] -= len(bent) + _TEST
         is_repeated = ear[1] in (ear[0], ear[2])  # which cuts nothing off
         if is_repeated or (_turn(*ear) > 0 and not any(_lies_in(ear, point) for point in bent.values())):
-            ears.append((before, corner, after))
-            del left[at]
+            ears.append((last, corner, following))
+            after[last], before[following] = following, last
             bent.pop(corner, None)
-            at, missed = (at + 1) % len(left), 0  # not the next one, which would make a fan of slivers
+            count -= 1
+            corner, missed = after[following], 0  # not the next one, which would make a fan of slivers
         else:
-            at, missed = (at + 1) % len(left), missed + 1
-        if missed > len(left) or work[0] < 0:
+            corner, missed = following, missed + 1
+        if missed > count or work[0] < 0:
             return None
     return ears
 
