@@ -49,6 +49,9 @@ def triangulate(
     work, kept = [MOST_WORK], 0
     for start, normal in zip(starts.tolist(), normals, strict=True):
         length = int(lengths[source[start]])
+        if (length - 2) * _TEST > work[0]:
+            kept += 1
+            continue
         first = int(triangles[start, 0])
         axis = int(np.abs(normal).argmax())  # the polygon is seen along it, counterclockwise
         across, up = ((axis + 1) % 3, (axis + 2) % 3)[:: 1 if normal[axis] > 0 else -1]

@@ -70,6 +70,15 @@ def test_what_can_not_be_cut_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
     assert find_notes() == ["2" + noted]
 
 
+def test_a_polygon_that_is_too_long_to_be_cut_leaves_the_work_to_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(polygons, "MOST_WORK", 100)
+    notes: list[str] = []
+    corners = LETTER + ARROW
+    triangles, _ = triangulate(np.array(corners), np.arange(len(corners)), np.array([8, 4]), notes.append)
+    assert triangles[6:].tolist() != (triangulate_fans(np.array([8, 4]))[0][6:]).tolist()
+    assert [note[:10] for note in notes] == ["1 polygons"]
+
+
 def test_a_polygon_of_many_corners_takes_time_by_their_number() -> None:
     angles = np.linspace(0, 2 * np.pi, 600_000, endpoint=False)
     corners = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
