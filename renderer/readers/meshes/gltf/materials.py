@@ -37,9 +37,9 @@ class Material:
         self._take_texture(glossy.get("diffuseTexture") if glossy else metallic.get("baseColorTexture"))
         mode, self.alpha_cutoff = entry.get("alphaMode", "OPAQUE"), None
         self.is_unlit = "KHR_materials_unlit" in self.extensions
-        emitted = np.nan_to_num(np.array(entry.get("emissiveFactor", (0.0, 0.0, 0.0)), np.float64))
+        emitted = np.nan_to_num(np.array(entry.get("emissiveFactor", (0.0, 0.0, 0.0)), np.float64))[:3]
         emits = not self.is_unlit and bool((emitted > 0).any())
-        self.only_emits = emits and mode == "OPAQUE" and not any(self.color[:3])
+        self.only_emits = emits and mode == "OPAQUE" and len(emitted) == 3 and not any(self.color[:3])
         """Whether it is black but for the light that it emits, whose colour and texture are then its own, unlit."""
         if self.only_emits:
             red, green, blue = (float(value) for value in encode_srgb(emitted))

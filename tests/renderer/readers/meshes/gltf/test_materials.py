@@ -83,6 +83,15 @@ def test_a_material_that_only_emits_light_has_its_colour_and_texture() -> None:
     assert model.read().notes == ("light that a material emits is left out: its base colour is drawn",)
 
 
+@pytest.mark.parametrize("emitted", [[1, 1], [1, 1, 0, 1]])
+def test_a_black_material_that_emits_too_few_or_too_many_numbers_is_drawn(emitted) -> None:
+    model = Model()
+    model.material["pbrMetallicRoughness"] = {"baseColorFactor": [0, 0, 0, 1]}
+    model.material["emissiveFactor"] = emitted
+    (part,) = model.read().parts
+    assert part.colors[0, :3].tolist() == ([1, 1, 0] if len(emitted) == 4 else [0, 0, 0])
+
+
 def test_light_that_a_material_emits_is_noted() -> None:
     model = Model()
     model.material["emissiveFactor"] = [0, 0, 0]
