@@ -61,6 +61,13 @@ def test_every_frame_holds_all_of_it_and_some_reach_the_border(up):
     assert up == "z" or len(rows) == 1  # seen from the side, its height stays
 
 
+def test_frames_of_a_part_of_a_turn_have_the_same_scale():
+    """Both ends of this one show the box alike, but mirrored; what frames it isn't alike from there."""
+    views, _ = run(rotate="-45:45:3", lenses="90x120")
+    left, right = (views[0, number].any(axis=2) for number in (0, 2))
+    assert np.array_equal(left[:, ::-1], right)
+
+
 def test_a_full_turn_does_not_repeat_its_first_frame():
     full, _ = run(rotate="0:360:4")
     assert np.array_equal(full[0, 1][:, ::-1].any(axis=2), full[0, 3].any(axis=2))

@@ -5,16 +5,20 @@ import json
 import logging
 import os
 import pickle
+import shutil
 import signal
 import threading
 import time
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from ciir.errors import Cancelled, WorkerDied
+from ciir.models import cards
+from ciir.models.catalogue import SHIPPED
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
@@ -120,6 +124,16 @@ def test_an_error_in_a_request_is_a_problem(open_pool, make_task, options, statu
     assert isinstance(problem, Problem)
     assert problem.status == status
     assert words in problem.detail
+
+
+def test_a_worker_may_read_networks_of_ones_own(open_pool, make_task, monkeypatch, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("own")
+    shutil.copy(SHIPPED / "fast.onnx", folder / "mine.onnx")
+    cards.write_card(replace(cards.read_card(SHIPPED / "fast.json"), name="mine"), folder / "mine.json")
+    monkeypatch.setenv("CIIR_MODELS", str(folder))
+    outcome = run(open_pool(), make_task(FAST | {"model": "mine"}))
+    assert isinstance(outcome, Result), outcome
+    assert outcome.report["model"]["name"] == "mine"
 
 
 def test_a_cancelled_task_is_stopped(open_pool, make_task):
