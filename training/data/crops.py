@@ -197,8 +197,8 @@ def _render_pairs(
         raise ValueError(f"scenes and meshes are rendered for crops up to {scale * rendered.SIDE} pixels, not {crop}")
     models = [mesh_views.read_mesh(path) for path in meshes]
     tqdm.write(f"rendering {scenes} scenes and {len(models)} meshes: minutes for hundreds", file=sys.stderr)
-    for index in tqdm(range(scenes), disable=None, desc="rendering", unit="scene"):
-        yield rendered.render_pairs(photographs, seed=seed, index=index, scale=scale)
+    seen = rendered.render_scenes(photographs, scenes, seed=seed, scale=scale)
+    yield from tqdm(seen, total=scenes, disable=None, desc="rendering", unit="scene")
     for number, model in enumerate(tqdm(models, disable=None, desc="rendering", unit="mesh")):
         for index in range(mesh_views.PICTURES):
             yield mesh_views.render_pairs(model, seed=seed, index=number * mesh_views.PICTURES + index, scale=scale)

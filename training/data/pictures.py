@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,6 +134,10 @@ class Pictures:
         self._unused = min(unused, default=0)
         if self._unused:  # which all of them had to show first
             self._kept = [read_rgb(path, unused=self._unused) for path in self.files[: len(self._kept)]]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the pictures that are kept: another process reads those that it needs."""
+        return self.__dict__ | {"_kept": []}
 
     def __len__(self) -> int:
         return len(self.files)

@@ -6,10 +6,15 @@ Tilted and overlapping polygons, or solids (`solids`), textured or plain, are ra
 
 from __future__ import annotations
 
+import signal
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ciir import cores
 from ciir.renderer.backends.embree import RaytraceBackend
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scene import Part, Scene
@@ -17,6 +22,8 @@ from ciir.training.data.downscale import Pair
 from ciir.training.data.solids import draw_background, draw_texture, make_solids
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from _typeshed import SupportsLenAndGetItem
     from numpy.typing import NDArray
 
@@ -28,6 +35,8 @@ SIDE = 96
 SAMPLES = 4
 SOLID = 0.6
 """Share of scenes of solids; the others are of polygons."""
+SCENES_PER_PROCESS = 8
+"""Scenes for which a process is started: they take a few times as long as its start."""
 PLAIN = 0.35
 """Share of polygons without a texture."""
 
@@ -73,6 +82,33 @@ def render_pairs(
     background = draw_background(random)
     ((pinhole, lenslet, truth),) = render_views(scene, array, [(0, 0)], background=background, scale=scale)
     return Pair(pinhole, truth), Pair(lenslet, truth)
+
+
+def render_scenes(
+    pictures: SupportsLenAndGetItem[Picture], count: int, *, seed: int, scale: int = 2
+) -> Iterator[tuple[Pair, Pair]]:
+    """Renders scenes 0 to `count` as `render_pairs`, by as many processes as there are cores, in order.
+
+    `pictures` is sent to each of them.
+    """
+    render = partial(_render_scene, pictures, seed, scale)
+    processes = min(cores.count_available_cores(), count // SCENES_PER_PROCESS)
+    if processes < 2:
+        yield from map(render, range(count))
+        return
+    # Not forked: this process may have threads, and use a GPU.
+    with ProcessPoolExecutor(processes, get_context("spawn"), initializer=_start_process) as pool:
+        yield from pool.map(render, range(count), chunksize=2)
+
+
+def _start_process() -> None:
+    """Leaves Ctrl-C to the process that waits for this one, and the other cores to the others."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    cores.most_cores = 1
+
+
+def _render_scene(pictures: SupportsLenAndGetItem[Picture], seed: int, scale: int, index: int) -> tuple[Pair, Pair]:
+    return render_pairs(pictures, seed=seed, index=index, scale=scale)
 
 
 def render_views(

@@ -5,8 +5,12 @@ import pytest
 
 pytest.importorskip("torch", reason="needs torch, of the training extra")
 
+from PIL import Image
+
+from ciir import cores
 from ciir.training.data import rendered
 from ciir.training.data.crops import Crops
+from ciir.training.data.pictures import Pictures
 from tests.training import degradations
 
 SHARES = {"bicubic": 2, "pinhole": 1, "lenslet": 1}
@@ -19,6 +23,19 @@ def test_a_scene_depends_only_on_its_number():
         np.testing.assert_array_equal(first[0], second[0])
         np.testing.assert_array_equal(first[1], second[1])
     assert not np.array_equal(one[0][1], other[0][1])
+
+
+def test_scenes_do_not_depend_on_the_number_of_processes(tmp_path, monkeypatch):
+    for index, picture in enumerate(PICTURES):
+        Image.fromarray(picture).save(tmp_path / f"{index}.png")
+    pictures = Pictures(tmp_path)
+    monkeypatch.setattr(rendered, "SCENES_PER_PROCESS", 1)
+    monkeypatch.setattr(cores, "count_available_cores", lambda: 2)
+    seen = list(rendered.render_scenes(pictures, 3, seed=4))
+    monkeypatch.setattr(cores, "count_available_cores", lambda: 1)
+    for some, same in zip(seen, rendered.render_scenes(pictures, 3, seed=4), strict=True):
+        for pair, twin in zip(some, same, strict=True):
+            assert all(np.array_equal(a, b) for a, b in zip(pair, twin, strict=True))
 
 
 @pytest.mark.parametrize("index", range(3))
@@ -36,8 +53,6 @@ def test_the_truth_is_aligned_with_the_views(index):
 
 
 def test_crops_mix_photographs_and_views(tmp_path):
-    from PIL import Image
-
     for index, picture in enumerate(PICTURES):
         Image.fromarray(picture).save(tmp_path / f"{index}.png")
     crops = Crops(tmp_path, crop=32, scale=2, batch=8, seed=0, scenes=2, degradations=SHARES)
@@ -50,8 +65,6 @@ def test_crops_mix_photographs_and_views(tmp_path):
 
 def test_a_bicubic_view_is_the_truth_made_small(tmp_path):
     """The whole of it, so that nothing but rounding stands between LR and the bicubic LR of HR."""
-    from PIL import Image
-
     Image.fromarray(PICTURES[0]).save(tmp_path / "a.png")
     crops = Crops(tmp_path, crop=192, scale=2, batch=2, seed=0, scenes=1, degradations={"bicubic-view": 1})
     low, high = crops.make_batch(0)
