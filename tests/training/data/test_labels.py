@@ -11,6 +11,7 @@ from PIL import Image
 from ciir.training.data import labels
 from ciir.training.data.crops import Crops
 from ciir.training.data.downscale import downscale_picture
+from ciir.training.data.pictures import read_rgb
 
 
 def write_network(path, scale):
@@ -61,6 +62,19 @@ def test_pairs_are_written_and_read(pictures, labelled):
         np.testing.assert_array_equal(high, low.repeat(2, axis=0).repeat(2, axis=1))
 
 
+def test_pictures_at_smaller_scales_are_labelled_too(pictures, network, tmp_path):
+    out = tmp_path / "out"
+    assert labels.label_pictures(pictures, network, out, scales=(1.0, 0.5), threads=2) == 4
+    assert labels.label_pictures(pictures, network, out, scales=(1.0, 0.5, 0.75), threads=2) == 2
+    sizes = {path.stem: read_rgb(path).shape[:2] for path in out.glob("*_LR.png")}
+    wanted = {"a_LR": (32, 39), "a-75_LR": (24, 29), "a-50_LR": (16, 20)}
+    assert sizes == sizes | wanted
+    assert len(sizes) == 6
+    reduced = Image.fromarray(read_rgb(pictures / "a.png")).resize((40, 32), Image.Resampling.LANCZOS)
+    expected = downscale_picture("bicubic", np.asarray(reduced), 2).low
+    np.testing.assert_array_equal(read_rgb(out / "a-50_LR.png"), expected)
+
+
 def test_pictures_of_12_bits_fill_the_range(network, tmp_path):
     full = np.random.default_rng(0).integers(0, 256, (64, 64), np.uint8)
     (tmp_path / "dark").mkdir()
@@ -108,6 +122,9 @@ def test_the_command_line(pictures, network, tmp_path, capsys):
     with pytest.raises(SystemExit):
         labels.main([str(pictures), "--network", "gone.onnx", "-o", out])
     assert "gone.onnx: no such file; name an ONNX network" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        labels.main([str(pictures), "--network", str(network), "-o", out, "--scales", "1", "2"])
+    assert "--scales: give numbers above 0, up to 1" in capsys.readouterr().err
 
 
 def test_labelled_crops(pictures, labelled):
