@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 PREFIX = "network."
 """What the export puts before the names of a light-field network's weights."""
 MERGED = "merged"
+ADDED = 0.1
+"""Share of its random kernel that an added layer starts with, beside the identity."""
 
 
 @torch.no_grad()
@@ -29,7 +31,8 @@ def load_onnx_weights(network: nn.Module, path: Path) -> None:
 
     The export added the branches of each `CollapsibleConv` into one kernel; here its plain kernel takes up the
     difference. A light-field network takes the weights of a single-picture generator into the one that it contains.
-    Layers of a generator's body that follow the last one in the file start as the identity, which a ReLU keeps.
+    Layers of a generator's body that follow the last one in the file start near the identity, which a ReLU keeps: not
+    at it, as channels that are zero everywhere would get no gradient and stay so.
     Raises `ValueError` where the file can't be read or is of an int8 network, a weight is missing or of another shape,
     or `network` is not made of such convolutions.
     """
@@ -56,7 +59,8 @@ def load_onnx_weights(network: nn.Module, path: Path) -> None:
     for name, layer in layers.items():
         weight, bias = found.get(f"{name}.weight"), found.get(f"{name}.bias")
         if layer.identity and _place(name) > last >= 0:
-            weight, bias = nn.init.dirac_(torch.empty_like(layer.kernel)), torch.zeros_like(layer.bias)
+            weight = nn.init.dirac_(torch.empty_like(layer.kernel)) + ADDED * layer.kernel
+            bias = torch.zeros_like(layer.bias)
         if weight is None or bias is None or weight.shape != layer.kernel.shape:
             missing.append(name)
             continue
