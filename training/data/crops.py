@@ -17,13 +17,13 @@ from ciir.training.data import downscale
 from ciir.training.data.corrupt import Corruption
 from ciir.training.data.labels import read_labelled
 from ciir.training.data.pictures import MEMORY, Pictures
+from ciir.training.data.stack import ORIENTATIONS, PairStack, Places, orient
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from ciir.training.data.pictures import Picture
-
+CPU = torch.device("cpu")
 LABELLED = "labelled"
 """Bicubic LR with what a stronger network makes of it as the truth: see `labels`."""
 RENDERED = ("pinhole", "lenslet")
@@ -49,6 +49,11 @@ class Photograph:
         height, width = self.among.sizes[self.index]
         return height // covered, width // covered
 
+    @property
+    def whole(self) -> downscale.Pair:
+        """The degraded whole picture and its HR."""
+        return downscale.downscale_picture(self.kind, self.among[self.index], self.scale)
+
     def crop(self, rows: slice, cols: slice) -> downscale.Pair:
         """Returns these LR rows and columns and their HR as in the degraded whole picture."""
         return downscale.downscale_crop(self.kind, self.among[self.index], self.scale, rows, cols)
@@ -58,16 +63,16 @@ class Rendered:
     """A view and its truth, kept in memory."""
 
     def __init__(self, pair: downscale.Pair) -> None:
-        self.pair = pair
+        self.whole = pair
 
     @property
     def size(self) -> tuple[int, int]:
         """Rows and columns of LR."""
-        return self.pair.low.shape[0], self.pair.low.shape[1]
+        return self.whole.low.shape[0], self.whole.low.shape[1]
 
     def crop(self, rows: slice, cols: slice) -> downscale.Pair:
         """Returns these LR rows and columns, and their HR."""
-        return downscale.crop_pair(self.pair, len(self.pair.high) // len(self.pair.low), rows, cols)
+        return downscale.crop_pair(self.whole, len(self.whole.high) // len(self.whole.low), rows, cols)
 
 
 Pair = Photograph | Rendered
@@ -97,6 +102,7 @@ class Crops:
         jpeg: int = 0,
         corrupted: float = 1.0,
         memory: int = MEMORY,
+        device: torch.device = CPU,
     ) -> None:
         """`folder`: see `training.data.pictures.find_pictures`; pictures smaller than the crop are skipped.
 
@@ -104,7 +110,8 @@ class Crops:
         `training.data.downscale.KINDS` and, with `scenes` random scenes or `meshes` (files), of `RENDERED` and
         `BICUBIC_VIEW`; with `labelled`, a folder (`training.data.labels`), of `LABELLED`. `noise`, `blur`, `jpeg`,
         `corrupted`: see `training.recipe`. `memory`: bytes of decoded pictures that are kept; it changes the speed
-        only.
+        only. `device`: where batches are made, of the same crops: on a GPU from its own copy of all pairs, but for the
+        LR that is corrupted, which the CPU makes.
 
         Raises `ValueError` where one of these or the folder is wrong.
         """
@@ -134,32 +141,60 @@ class Crops:
         self.groups = [_drop_small(folder, kind, pairs[kind], crop, scale) for kind in degradations]
         weights = np.array(list(degradations.values()), float)
         self.shares = weights / weights.sum()
+        self._pairs = [pair for group in self.groups for pair in group]
+        self._sizes = np.array([pair.size for pair in self._pairs])
+        self._counts = np.array([len(group) for group in self.groups])
+        self._starts = np.cumsum(self._counts) - self._counts
+        self._stack = None if device.type == "cpu" else self._stack_pairs(device)
+
+    def _stack_pairs(self, device: torch.device) -> PairStack:
+        side, pairs = self.crop // self.scale, self._pairs
+        return PairStack(self._sizes, lambda index: pairs[index].whole, side=side, scale=self.scale, device=device)
 
     def make_batch(self, step: int) -> tuple[Tensor, Tensor]:
-        """LR `(batch, 3, crop/scale, crop/scale)` and HR `(batch, 3, crop, crop)`, float in [0, 1]."""
-        random = np.random.default_rng((self.seed, step))
-        corrupting = np.random.default_rng(
-            (self.seed, step, 1)
-        )  # separate, so that corruption does not change the crops
-        side = self.crop // self.scale
-        lows: list[Picture] = []
-        highs: list[Picture] = []
-        for _ in range(self.batch):
-            group = self.groups[int(random.choice(len(self.groups), p=self.shares))]
-            pair = group[random.integers(len(group))]
-            y, x = (int(random.integers(length - side + 1)) for length in pair.size)
-            turns, mirror = int(random.integers(4)), bool(random.integers(2))
-            for picture, into in zip(self._corrupt_crop(pair, y, x, corrupting), (lows, highs), strict=True):
-                turned = np.rot90(picture, turns)
-                into.append(turned[:, ::-1] if mirror else turned)
-        low, high = (torch.from_numpy(np.stack(part)).permute(0, 3, 1, 2).float().div(255.0) for part in (lows, highs))
+        """LR `(batch, 3, crop/scale, crop/scale)` and HR `(batch, 3, crop, crop)`, float in [0, 1], on `device`."""
+        places = self._draw_places(step)
+        corrupted = self._corrupt_crops(places, step)
+        if self._stack is not None:
+            low, high = self._stack.cut(places)
+            for index, pair in corrupted.items():
+                low[index] = torch.from_numpy(orient(pair.low, places.orientation[index]).copy())
+        else:
+            crops = [
+                corrupted.get(index) or self._cut(*place)
+                for index, place in enumerate(zip(places.pair, places.y, places.x, strict=True))
+            ]
+            low, high = (
+                torch.from_numpy(np.stack([orient(*each) for each in zip(part, places.orientation, strict=True)]))
+                for part in zip(*crops, strict=True)
+            )
+        low, high = (part.permute(0, 3, 1, 2).float().div(255.0) for part in (low, high))
         return low, high
+
+    def _draw_places(self, step: int) -> Places:
+        random = np.random.default_rng((self.seed, step))
+        group = random.choice(len(self.groups), self.batch, p=self.shares)
+        pair = self._starts[group] + random.integers(self._counts[group])
+        y, x = random.integers(self._sizes[pair] - self.crop // self.scale + 1).T
+        return Places(pair, y, x, random.integers(ORIENTATIONS, size=self.batch))
+
+    def _cut(self, pair: int, y: int, x: int) -> downscale.Pair:
+        """Returns the crop whose first LR sample is `(y, x)`."""
+        side = self.crop // self.scale
+        return self._pairs[pair].crop(slice(y, y + side), slice(x, x + side))
+
+    def _corrupt_crops(self, places: Places, step: int) -> dict[int, downscale.Pair]:
+        """Returns those crops of a batch whose LR is corrupted, by their index in it."""
+        random = np.random.default_rng((self.seed, step, 1))  # separate, so that corruption does not change the crops
+        chosen = np.flatnonzero(random.random(self.batch) < self.corrupted).tolist() if self.corruption else []
+        return {
+            index: self._corrupt_crop(self._pairs[places.pair[index]], places.y[index], places.x[index], random)
+            for index in chosen
+        }
 
     def _corrupt_crop(self, pair: Pair, y: int, x: int, random: np.random.Generator) -> downscale.Pair:
         """Returns the crop whose first LR sample is `(y, x)`, with LR corrupted."""
         side, margin = self.crop // self.scale, self.corruption.margin
-        if not self.corruption or random.random() >= self.corrupted:
-            return pair.crop(slice(y, y + side), slice(x, x + side))
         top, left = max(0, y - margin), max(0, x - margin)
         rows, cols = slice(y - top, y - top + side), slice(x - left, x - left + side)
         around = (slice(top, min(pair.size[0], y + side + margin)), slice(left, min(pair.size[1], x + side + margin)))

@@ -102,18 +102,41 @@ def test_noise_blur_and_jpeg_are_done_to_lr_alone(recipe, crops, corruption):
 
 def test_a_share_of_crops_is_corrupted(recipe, crops):
     """The others are the clean ones to the bit, at the same places."""
-    given = {"crop": 24, "scale": 2, "batch": 4, "seed": 9, "noise": 20.0}
-    parts = [Crops(Path(recipe.train), **given, corrupted=share) for share in (0.0, 0.3, 1.0)]
-    changed = []
-    for pair in parts[0].groups[0]:
-        for seed in range(60):
-            none, some, every = (part._corrupt_crop(pair, 1, 2, np.random.default_rng(seed)) for part in parts)
-            assert all(np.array_equal(one.high, none.high) for one in (some, every))
-            changed.append([not np.array_equal(one.low, none.low) for one in (some, every)])
-            assert np.array_equal(some.low, every.low if changed[-1][0] else none.low)
-    few, most = np.mean(changed, axis=0)
-    assert 0.2 < few < 0.4
-    assert most > 0.95  # the strength of noise is drawn too
+    given = {"crop": 24, "scale": 2, "batch": 64, "seed": 9, "noise": 20.0}
+    (none, high), some, every = (
+        Crops(Path(recipe.train), **given, corrupted=share).make_batch(0) for share in (0.0, 0.3, 1.0)
+    )
+    assert torch.equal(some[1], high)
+    assert torch.equal(every[1], high)
+    few, most = ((low - none).abs().amax((1, 2, 3)).gt(0).float().mean() for low in (some[0], every[0]))
+    assert 0.15 < few < 0.45
+    assert most > 0.9  # the strength of noise is drawn too
+
+
+@pytest.mark.parametrize("corruption", [{}, {"noise": 8.0, "blur": 1.0, "jpeg": 20, "corrupted": 0.3}])
+def test_batches_of_a_stack_are_the_same(recipe, corruption):
+    """Those that a GPU cuts out of its own copy of all pairs, here on the CPU: to the bit, in all orientations."""
+    shares = {"bicubic": 2, "box": 1, "point": 1}
+    crops = Crops(Path(recipe.train), crop=16, scale=2, batch=40, seed=9, degradations=shares, **corruption)
+    each = [crops.make_batch(step) for step in range(3)]
+    crops._stack = crops._stack_pairs(torch.device("cpu"))
+    for step, wanted in enumerate(each):
+        made = crops.make_batch(step)
+        assert all(torch.equal(a, b) for a, b in zip(made, wanted, strict=True))
+
+
+def test_a_step_s_crops_are_drawn_by_share_from_everywhere(recipe):
+    """Every pair of a group, every place in it and every orientation is as likely."""
+    shares = {"bicubic": 3, "point": 1}
+    crops = Crops(Path(recipe.train), crop=16, scale=2, batch=4000, seed=9, degradations=shares)
+    places = crops._draw_places(0)
+    pair, orientation = np.bincount(places.pair, minlength=5) / 4000, np.bincount(places.orientation) / 4000
+    np.testing.assert_allclose(pair, [0.25, 0.25, 0.25, 0.125, 0.125], atol=0.04)
+    np.testing.assert_allclose(orientation, [1 / 8] * 8, atol=0.03)
+    for number, (height, width) in enumerate(crops._sizes):
+        among = places.pair == number
+        assert set(places.y[among]) == set(range(height - 7))
+        assert set(places.x[among]) == set(range(width - 7))
 
 
 def test_blur_reaches_over_the_edge_of_a_crop(recipe, monkeypatch):
