@@ -13,6 +13,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from ciir.training.networks.rounding import round_weights
+
 if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import TypeVar
@@ -44,6 +46,8 @@ class CollapsibleConv(nn.Module):
         self.point = nn.Parameter(torch.zeros(outputs, inputs))
         self.bias = nn.Parameter(torch.zeros(outputs))
         self.identity = inputs == outputs
+        self.rounded = False
+        """Whether training rounds the kernel as the export to int8 does."""
 
     def weight(self) -> Tensor:
         """The one kernel that equals the sum of all branches, `(outputs, inputs, 3, 3)` float32."""
@@ -54,7 +58,10 @@ class CollapsibleConv(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """See the class."""
-        return functional.conv2d(x, self.weight(), self.bias, padding=1)
+        weight = self.weight()
+        if self.rounded and self.training:
+            weight = round_weights(weight)
+        return functional.conv2d(x, weight, self.bias, padding=1)
 
     @torch.no_grad()
     def collapsed(self) -> nn.Conv2d:

@@ -13,6 +13,7 @@ from torch.nn import functional
 from ciir.training.networks.collapsible import CollapsibleConv
 from ciir.training.networks.guard import limit_change
 from ciir.training.networks.interpolation import Bicubic
+from ciir.training.networks.rounding import RoundedReLU
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,9 +35,11 @@ class CompactGenerator(nn.Module):
         slope: float = 0.125,
         *,
         guard: bool = False,
+        rounded: bool = False,
     ) -> None:
         """`slope`: of the LeakyReLU below zero. 0 makes it a ReLU, which onnxruntime fuses into int8 convolutions.
-        `guard`: whether the change is limited (`guard.limit_change`).
+        `guard`: whether the change is limited (`guard.limit_change`). `rounded`: whether activations and weights are
+        rounded in training, for int8 networks (`rounding`). Raises `ValueError` for that without ReLUs.
         """
         super().__init__()
         self.scale, self.guard = scale, guard
@@ -49,6 +52,14 @@ class CompactGenerator(nn.Module):
         # Untrained, the network is close to bicubic interpolation.
         self.tail = CollapsibleConv(inputs, 3 * scale**2, gain=0.1)
         self.base = Bicubic(scale)
+        if rounded and slope:
+            raise ValueError("rounded: activations are rounded behind ReLUs; set slope = 0")
+        if rounded:
+            for index in range(1, len(self.body), 2):
+                self.body[index] = RoundedReLU()
+            for layer in (*self.body, self.tail):
+                if isinstance(layer, CollapsibleConv):
+                    layer.rounded = True
 
     def forward(self, image: Tensor) -> Tensor:
         """See the class."""
