@@ -183,7 +183,7 @@ def make_work(views: NDArray[Any], count: int) -> Work:
     """Upscales the middle view, or `count` views from it on, by the default of light fields."""
     grid = views.shape[0], views.shape[1]
     network = catalogue.load_light_field_network(catalogue.light_field_default_name())
-    fallback = catalogue.load_upscaler(catalogue.default_name())
+    fallback = catalogue.load_upscaler(catalogue.prefer_int8(catalogue.FALLBACK))
     wanted = [(grid[0] // 2, grid[1] // 2 + number) for number in range(count)]
     stride = choose_stride(measure_motion(views), grid)
     pictures = {view: np.ascontiguousarray(views[view]) for view in list_spaced_views(wanted, grid, stride)}

@@ -16,7 +16,7 @@ from ciir.models.light_field.network import compute_luma
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ciir.models.light_field.disparity import Pixels
+    from ciir.models.light_field.disparities.shifts import Pixels
 
 Value = TypeVar("Value", np.uint8, np.uint16)
 SamplingKind = Literal["filter", "means"]

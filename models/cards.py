@@ -72,11 +72,13 @@ class Sizes:
 
 
 PRECISIONS = ("float32", "int8")
+FILTERS = "down"
+"""The input of a light-field network that has an entry for each plane: see `models.light_field.planes.Window`."""
 
 
 @dataclass(frozen=True)
 class Card:
-    """The description of a shipped network; its `.onnx`, of the same stem or `weights`, lies beside its `.json`."""
+    """The description of a shipped network; its `.onnx`, of the same stem, lies beside its `.json`."""
 
     name: str
     kind: str
@@ -111,16 +113,16 @@ class Card:
     """Inputs besides `input`; for a light-field network, the window of views around the upscaled one."""
     extra_outputs: tuple[Tensor, ...] = ()
     """Outputs besides `output`; for a light-field network, its uncertainty."""
-    weights: str = ""
-    """Stem of the `.onnx`, where it is that of another network."""
-    flips: int = 1
-    """How many orientations of a view a light-field network upscales, whose mean is the result: 1, or 4 (turned by 180
-    degrees and mirrored along each axis)."""
 
     @property
     def is_light_field(self) -> bool:
         """Whether it upscales a view with the help of the views around it: see `models.light_field.network`."""
         return bool(self.extra_inputs)
+
+    @property
+    def planes(self) -> int:
+        """How many disparities a light-field network tries; 0 for other networks."""
+        return next((int(tensor.shape[0]) for tensor in self.extra_inputs if tensor.name == FILTERS), 0)
 
     def to_dict(self) -> dict[str, Any]:
         """The card as JSON values."""
@@ -136,12 +138,20 @@ class Card:
             raise BadCard(f"card {self.name}: precision is {self.precision!r}; give one of {', '.join(PRECISIONS)}")
         if min(self.sizes.minimum, self.sizes.multiple_of) < 1:
             raise BadCard(f"card {self.name}: sizes are {self.sizes}; at least 1 is needed")
-        if self.flips not in (1, 4) or (self.flips > 1 and not self.is_light_field):
-            raise BadCard(f"card {self.name}: flips is {self.flips}; give 1, or 4 for a light-field network")
-        if not re.fullmatch(r"[\w.+-]*", self.weights):
-            raise BadCard(f"card {self.name}: weights is {self.weights!r}; give the stem of an .onnx beside the card")
+        if self.is_light_field:
+            self._check_light_field()
         if self.radius < 0:
             raise BadCard(f"card {self.name}: radius is {self.radius}; at least 0 is needed")
+
+    def _check_light_field(self) -> None:
+        """Raises `BadCard` where the inputs are not those of `models.light_field.network`."""
+        found = {tensor.name: tensor.shape[:1] for tensor in self.extra_inputs}
+        planes = found.get(FILTERS, ())
+        if set(found) != {"around", "down", "across", "window"} or not isinstance(planes[0], int) or planes[0] < 2:
+            raise BadCard(
+                f"card {self.name}: inputs {', '.join(found)}; a light-field network has around, down, across and "
+                "window, for 2 planes and more: export it again with `ciir export`"
+            )
 
 
 _JSON_TYPES: dict[str, tuple[type, ...]] = {

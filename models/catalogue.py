@@ -31,8 +31,9 @@ LIGHT_FIELD_DEFAULT = "field"
 """The default network for views of a light field, in float; see `light_field_default_name`."""
 FILES = (".json", ".onnx")
 """Suffixes of a network's files."""
-FALLBACKS = {"field-quality": "quality"}
-"""Light-field network -> the network of single pictures that helps it, both in float, where it isn't `DEFAULT`."""
+FALLBACK = "quality"
+"""The network of single pictures, in float, that helps light-field networks: with the pixels of low confidence, and in
+means (`models.light_field.finishing`)."""
 BASELINES: dict[str, Callable[[int], Upscaler]] = {"bicubic": Bicubic, "nearest": Nearest}
 """Interpolation by name: constructors from a scale."""
 
@@ -114,12 +115,6 @@ def default_name() -> str:
 def light_field_default_name() -> str:
     """The model for views of a light field where none is named: `LIGHT_FIELD_DEFAULT` or its int8 twin."""
     return prefer_int8(LIGHT_FIELD_DEFAULT)
-
-
-def find_fallback(card: cards.Card) -> str:
-    """The network of single pictures, in float, that makes the pixels of which the light-field network of `card` has
-    low confidence, and its share of means (`models.light_field.finishing`)."""
-    return FALLBACKS.get(card.float_twin or card.name, DEFAULT)
 
 
 def prefer_int8(name: str) -> str:

@@ -48,7 +48,7 @@ class OnnxNetwork:
             _check_processor(self.card)
         self.name, self.scale, self.radius = self.card.name, self.card.scale, self.card.radius
         self.threads = threads or count_available_cores()
-        self._network = _read_network(path.with_name(f"{self.card.weights or path.stem}.onnx"), self.card)
+        self._network = _read_network(path.with_suffix(".onnx"), self.card)
         self._sessions: dict[int, Any] = {}
         self._opening = Lock()
 

@@ -44,6 +44,9 @@ class Recipe:
     """Folder of `*_HR.png` and `*_LR.png` pairs; or of pictures, with bicubic LR."""
     steps: int
     """Optimiser steps."""
+    minutes: float = 0.0
+    """Where above 0: the time after which the run ends, if it doesn't reach `steps` before. The step size falls by the
+    clock then, as suits a machine that is lent for some time; such a run can't be repeated bit for bit."""
     options: dict[str, Any] = field(default_factory=dict)
     """Keyword arguments of the network's constructor."""
     initial: str = ""
@@ -78,7 +81,7 @@ class Recipe:
     batch: int = 16
 
     loss: str = "l1"
-    """Pixel loss: `l1`, `mse` or `luma` (see `training.losses.pixel`)."""
+    """Pixel loss: `l1`, `mse`, `luma` or `squared-luma` (see `training.losses.pixel`)."""
     perceptual: str = ""
     """Perceptual term: `vgg19`, `discriminator`, or none (see `training.losses.perceptual`)."""
     perceptual_weight: float = 1.0
@@ -111,6 +114,7 @@ class Recipe:
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} is {getattr(self, name)}; give 1 or more")
         for name in (
+            "minutes",
             "scenes",
             "eased",
             "noise",

@@ -123,10 +123,6 @@ def list_networks() -> tuple[list[Model], dict[str, str]]:
             left_out[entry.name] = f"upscales by {', '.join(map(str, entry.scales))}, not by {SCALE}"
         elif entry.unsupported_reason:
             left_out[entry.name] = entry.unsupported_reason
-        elif entry.card.flips > 1:
-            left_out[entry.name] = (
-                f"takes {entry.card.flips} times as long as {entry.card.weights}; judge it by --model"
-            )
         else:
             networks.append(load_model(entry.name))
     return networks, left_out
@@ -153,7 +149,7 @@ def _upscale_single(network: Any, views: Views, at: View, finds_sampling: bool =
 def _upscale_light_field(network: Any, views: Views, at: View, finds_sampling: bool) -> Picture:
     grid = (views.shape[0], views.shape[1])
     every = {(v, u): views[v, u] for v in range(grid[0]) for u in range(grid[1])}
-    fallback = catalogue.load_upscaler(catalogue.prefer_int8(catalogue.find_fallback(network.card)), scale=SCALE)
+    fallback = catalogue.load_upscaler(catalogue.prefer_int8(catalogue.FALLBACK), scale=SCALE)
     made, _ = upscale_views(network, fallback, every, [at], grid, finds_sampling=finds_sampling)
     return np.asarray(made[0], np.uint8)
 

@@ -12,18 +12,20 @@ from ciir.models.light_field.pixels import blend_pictures
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ciir.models.light_field.disparity import Pixels, Plane
+    from ciir.models.light_field.disparities.shifts import Pixels, Plane
     from ciir.models.light_field.sampling import Sampling
 
-CONFIDENT, UNCERTAIN = 0.6, 0.75
+CONFIDENT, UNCERTAIN = 0.8, 1.2
 """Uncertainty up to which the light-field network's picture is taken, and from which the fallback's is. Views of one
-scene have 0.15 to 0.5 (Lego Knights, rendered meshes; nine tenths of all pixels), views of other scenes 0.6 to 1."""
-MINIMUM_FALLBACK_SHARE = 0.1
-"""Share of a view's pixels with low confidence from which the fallback is used: silhouettes always have some."""
-SURROUNDED, MOST = 0.25, 0.5
+scene have 0.3 to 0.6 (nine tenths of all pixels), with noise 0.5 to 0.9; views of other scenes 1 and more. Chosen for
+the best mean over the light fields of `ciir bench --harm`."""
+MINIMUM_FALLBACK_SHARE = 0.15
+"""Share of a view that the fallback makes for low confidence, from which it is used: silhouettes always have some, and
+below that it gains nothing (-0.002 dB in the mean of 245 views of the harm benchmark) in half of the time."""
+SURROUNDED, MOST = 0.3, 0.45
 """The fallback's share in the mean that a filtered view becomes: with two views on each side, and otherwise, where the
-light-field network is weaker. On 48 views of four captured light fields, made small by bicubic interpolation, it
-gains -0.04 to 0.5 dB over the network, 0.16 in the mean. Shares by the network's uncertainty are no better."""
+light-field network is weaker. On five views of each of three captured light fields with bicubic LR it gains 0.1 to 0.7
+dB with `field` and 0.1 to 0.4 with `field-quality` in the mean."""
 
 
 class Finishing(NamedTuple):
@@ -48,14 +50,14 @@ def finish_view(
 ) -> Finishing:
     """Changes `picture` `(scale*H, scale*W, C)`, which a light-field network made of `small` `(H, W, C)`, in place.
 
-    From `CONFIDENT` to `UNCERTAIN` of `uncertainty` `(H, W)` it is blended with the fallback's, in a view of which more
-    than `MINIMUM_FALLBACK_SHARE` has low confidence. One that was made small by an antialiasing filter becomes the mean
+    From `CONFIDENT` to `UNCERTAIN` of `uncertainty` `(H, W)` it is blended with the fallback's, in a view of which that
+    would make more than `MINIMUM_FALLBACK_SHARE`. One that was made small by an antialiasing filter becomes the mean
     with the fallback's, and one without noise is brought closer to what was seen
     (`models.back_projection.restore_luma`). `upscale_alone` makes the fallback's picture; `is_surrounded`: whether
     there are two views on each side.
     """
     weight = np.clip((uncertainty - CONFIDENT) / (UNCERTAIN - CONFIDENT), 0, 1)
-    if np.mean(weight > 0) <= MINIMUM_FALLBACK_SHARE:
+    if np.mean(weight) <= MINIMUM_FALLBACK_SHARE:
         weight[:] = 0
     share = float(np.mean(weight > 0.5))
     is_filtered = sampling is not None and sampling.kind == "filter"

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ciir.models.light_field.disparity import convert_to_float
+from ciir.models.light_field.disparities.shifts import convert_to_float
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ciir.models.light_field.disparity import Pixels
+    from ciir.models.light_field.disparities.shifts import Pixels
 
 BLEND_ROWS = 16
 """Rows of a view that are blended at once: they stay in the processor's cache."""

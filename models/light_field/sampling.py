@@ -16,7 +16,7 @@ from ciir.models.light_field.network import compute_luma
 
 if TYPE_CHECKING:
     from ciir.models.back_projection import SamplingKind
-    from ciir.models.light_field.disparity import Pixels, Plane
+    from ciir.models.light_field.disparities.shifts import Pixels, Plane
 
 FILTERED, UNFILTERED = 0.95, 1.05
 """Ratio of the difference after the filter to that after means, up to which a view counts as filtered, and from which

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ciir.models.light_field.disparity import convert_to_float, crop_luma, crop_with_margin, shift_part
-from ciir.models.light_field.windows import WINDOW_SIDE, list_window, select_axis
+from ciir.models.light_field.disparities.shifts import convert_to_float, crop_luma, crop_with_margin, shift_part
+from ciir.models.light_field.windows import WINDOW_SIDE, Axis, list_window, select_axis
 from ciir.models.single import skipping
 from ciir.models.tiles import Tile
 
@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from ciir.models.light_field.disparity import Pixels
+    from ciir.models.light_field.disparities.shifts import Pixels
     from ciir.models.light_field.network import LightFieldNetwork
+    from ciir.models.light_field.planes import Range
     from ciir.models.light_field.windows import View
 
 
@@ -52,7 +53,7 @@ class TileDifferences:
 
     def __init__(self, views: Mapping[View, Pixels], grid: tuple[int, int], tile: Tile, shift: int) -> None:
         """`shift`: whole pixels that views are shifted by for each view between them, see
-        `models.light_field.disparity`.
+        `models.light_field.disparities.shifts`.
         """
         self._views, self._grid, self._tile, self._shift = views, grid, tile, shift
         self._found: dict[tuple[View, bytes], NDArray[np.bool_]] = {}
@@ -121,24 +122,25 @@ def _split_box(network: LightFieldNetwork, box: Tile, mask: NDArray[np.bool_]) -
 
 
 def make_pattern(
-    network: LightFieldNetwork, background: Pixels, view: View, grid: tuple[int, int]
+    network: LightFieldNetwork, background: Pixels, view: View, grid: tuple[int, int], disparities: Range
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """The network's result for `view` where all views are one colour `(C,)`, as `skipping.fill_with_pattern` takes it:
-    RGB in [0, 1], `(scale*(2*radius + 1), ..., 3)`, and the uncertainty, `(2*radius + 1, ..., 1)`.
+    RGB in [0, 1], `(scale*(2*radius + 1), ..., 3)`, and the uncertainty, `(2*radius + 1, ..., 1)`. `disparities`: the
+    range that the rest of the view has.
     """
     rows, cols = (select_axis(place, count).present.tobytes() for place, count in zip(view, grid, strict=True))
-    return _make_pattern(network, background.tobytes(), background.dtype.name, rows, cols)
+    return _make_pattern(network, background.tobytes(), background.dtype.name, (rows, cols), disparities)
 
 
 @lru_cache(maxsize=256)
 def _make_pattern(
-    network: LightFieldNetwork, colour: bytes, dtype: str, rows: bytes, cols: bytes
+    network: LightFieldNetwork, colour: bytes, dtype: str, window: tuple[bytes, bytes], disparities: Range
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     side = 2 * network.radius + 1
     uniform: NDArray[Any] = np.tile(np.frombuffer(colour, dtype), (side, side, 1))
     image = np.broadcast_to(convert_to_float(uniform), (side, side, 3)).transpose(2, 0, 1)
     around = np.broadcast_to(crop_luma(uniform), (WINDOW_SIDE * WINDOW_SIDE, side, side))
-    present = (np.frombuffer(part, np.float32) for part in (rows, cols))
-    inputs = (np.ascontiguousarray(part)[np.newaxis] for part in (image, around))
-    large, uncertainty = network(*inputs, *present, cores=0)
+    rows, cols = (Axis(tuple(range(WINDOW_SIDE)), np.frombuffer(present, np.float32)) for present in window)
+    image, around = (np.ascontiguousarray(part)[np.newaxis] for part in (image, around))
+    large, uncertainty = network(image, around, rows, cols, disparities, cores=0)
     return large[0].transpose(1, 2, 0), uncertainty[0].transpose(1, 2, 0)

@@ -12,7 +12,7 @@ from ciir.models.light_field.windows import WINDOW_SIDE
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from ciir.models.light_field.disparity import Pixels
+    from ciir.models.light_field.disparities.shifts import Pixels
     from ciir.models.light_field.finishing import Finishing
     from ciir.models.light_field.windows import View
 

@@ -9,8 +9,11 @@ import numpy as np
 
 from ciir.bit_depth import count_unused_bits, lower_levels, raise_levels
 from ciir.errors import InvalidImage
-from ciir.models.light_field.disparity import (
+from ciir.models.light_field.batches import Part, make_batches
+from ciir.models.light_field.disparities.ranges import measure_range
+from ciir.models.light_field.disparities.shifts import (
     crop_luma,
+    make_no_shifts,
     measure_shifts,
     select_shifted,
     shift_part,
@@ -26,21 +29,23 @@ from ciir.models.light_field.skipping import (
     make_pattern,
     split_by_mask,
 )
-from ciir.models.light_field.windows import WINDOW_SIDE, list_window, select_axis
+from ciir.models.light_field.windows import WINDOW_SIDE, list_window
 from ciir.models.parallel import is_parallel_faster, run_each
-from ciir.models.sessions import BATCH_PIXELS, TILE_PIXELS
+from ciir.models.sessions import TILE_PIXELS
 from ciir.models.single.pixels import upscale_pixels
-from ciir.models.single.skipping import SkipStatistics, count_pixels, fill_with_pattern
+from ciir.models.single.skipping import SkipStatistics, fill_with_pattern
 from ciir.models.tiles import split_picture
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from ciir.models.light_field.disparity import Pixels, Plane
+    from ciir.models.light_field.batches import Batch
+    from ciir.models.light_field.disparities.shifts import Pixels, Plane
     from ciir.models.light_field.network import LightFieldNetwork
-    from ciir.models.light_field.windows import Axis, View
+    from ciir.models.light_field.planes import Range
+    from ciir.models.light_field.windows import View
     from ciir.models.tiles import Tile
     from ciir.models.upscaler import Upscaler
 
@@ -60,24 +65,26 @@ def upscale_views(
     skip: bool = True,
     statistics: SkipStatistics | None = None,
     finds_sampling: bool = False,
+    disparities: Range | None = None,
 ) -> tuple[Pixels, list[Finishing]]:
     """Upscales the views `wanted` of a light field of `grid` = (V, U) views, each with the help of its window.
 
     `views`: (v, u) -> `(H, W, C)`, grey or RGB, 8 or 16 bit, all of one shape and type; at least those of
     `list_required_views`. `fallback`: a single-image model of the same scale. `skip`: whether to skip uniform and
     repeated parts (`models.light_field.skipping`), which doesn't change the result. `statistics`: the pixels are added
-    to it. `finds_sampling`: whether to find how views were sampled, and to finish them accordingly.
+    to it. `finds_sampling`: whether to find how views were sampled, and to finish them accordingly. `disparities`: the
+    range of all content, pixels from one view to the next, at most `ranges.REACH` to either side; None: it is measured.
 
     Returns `(len(wanted), scale*H, scale*W, C)` of the same type, rounded to nearest, grey as the mean of three
     channels; and how each was finished.
 
     The fallback is used where the network has low confidence, because the views around don't match: another scene,
-    noise, or disparities beyond the network's planes (`models.light_field.finishing`). Where content moves by more than
-    a pixel from one view to the next, the views around are first shifted back by whole pixels
-    (`models.light_field.disparity`): the network runs once for each shift, on boxes around the parts that have it. The
-    result for a view doesn't depend on which others are wanted. Large views are upscaled in tiles, all views of one
-    tile after another, to save memory. Levels of 16 bit that use fewer are multiplied by a power of two before, and
-    divided after (`ciir.bit_depth`).
+    noise, or disparities out of range (`models.light_field.finishing`). Where content moves by more than a pixel from
+    one view to the next, the views around are first shifted back by whole pixels: the network runs once for each shift,
+    on boxes around the parts that have it. Its planes are spread over the range of the disparities that are left in a
+    view (`models.light_field.disparities`). The result for a view doesn't depend on which others are wanted. Large
+    views are upscaled in tiles, all views of one tile after another, to save memory. Levels of 16 bit that use fewer
+    are multiplied by a power of two before, and divided after (`ciir.bit_depth`).
 
     Raises `InvalidImage` where the views differ in shape or type, or have alpha or another number of channels.
     """
@@ -92,7 +99,7 @@ def upscale_views(
     for unused, numbers in by_bits.items():
         some = [wanted[number] for number in numbers]
         raised = {view: raise_levels(views[view], unused) for view in list_required_views(some, grid)}
-        job = _Job(network, raised, grid, skip, statistics)
+        job = _Job(network, raised, grid, skip, statistics, disparities)
         pictures, finished = _upscale_repeated(job, fallback, some, finds_sampling)
         made.append((lower_levels(pictures, unused), finished))
     return join_groups(list(by_bits.values()), made)
@@ -117,16 +124,7 @@ class _Job(NamedTuple):
     grid: tuple[int, int]
     skip: bool
     statistics: SkipStatistics
-
-
-class _Part(NamedTuple):
-    """A part of a view that is upscaled in one run."""
-
-    number: int
-    """The view's."""
-    tile: Tile
-    mask: NDArray[np.bool_] | None = None
-    """Which of the pixels that `tile` keeps are written, `(h, w)`; None: all of them."""
+    disparities: Range | None
 
 
 class _Output(NamedTuple):
@@ -138,6 +136,8 @@ class _Output(NamedTuple):
     """`(n, H, W, 1)`."""
     shifts: Sequence[NDArray[np.int64]]
     """`(R, C)` each, from `measure_shifts`: which run fills which part."""
+    ranges: Sequence[Range]
+    """Of the disparities that shifts leave."""
 
 
 def _upscale_repeated(
@@ -162,10 +162,12 @@ def _upscale_distinct(
     """The views `wanted`, and how each was finished."""
     scale, first = job.network.scale, job.views[wanted[0]]
     height, width, channels = first.shape
+    measured = [_measure_disparities(job, view) for view in wanted]
     output = _Output(
         np.empty((len(wanted), height * scale, width * scale, channels), first.dtype),
         np.empty((len(wanted), height, width, 1), np.float32),
-        [measure_shifts(job.views, view, job.grid) for view in wanted],
+        [shifts for shifts, _ in measured],
+        [disparities for _, disparities in measured],
     )
     by_shift: dict[int, dict[int, View]] = {}
     for number, view in enumerate(wanted):
@@ -185,6 +187,14 @@ def _upscale_distinct(
     return output.pictures, made
 
 
+def _measure_disparities(job: _Job, view: View) -> tuple[NDArray[np.int64], Range]:
+    """The shifts of a view's tiles, and the range of the disparities that they leave."""
+    if job.disparities is not None:
+        return make_no_shifts(job.views[view]), job.disparities
+    shifts = measure_shifts(job.views, view, job.grid)
+    return shifts, measure_range(job.views, view, job.grid, shifts)
+
+
 def _fill_background(job: _Job, view: View, output: _Output, number: int) -> Pixels | None:
     """Fills the output of `view` with the result for its background colour, and returns the colour; None where there
     is no background to skip.
@@ -192,7 +202,7 @@ def _fill_background(job: _Job, view: View, output: _Output, number: int) -> Pix
     network = job.network
     background = find_background(network, job.views[view]) if job.skip else None
     if background is not None:
-        large, uncertainty = make_pattern(network, background, view, job.grid)
+        large, uncertainty = make_pattern(network, background, view, job.grid, output.ranges[number])
         picture = output.pictures[number]
         levels = round_levels(large.transpose(2, 0, 1), picture).transpose(1, 2, 0)
         fill_with_pattern(picture, levels, network.radius, network.scale)
@@ -218,15 +228,15 @@ def _run_network(
         required = list_required_views(list(here.values()), grid)
         lumas = {view: crop_luma(views[view], tile.region, shift) for view in required}
         differences = TileDifferences(views, grid, tile, shift)
-        parts: list[_Part] = []
+        parts: list[Part] = []
         for number, view in here.items():
             colour = backgrounds[number]
             boxes = [tile] if colour is None else differences.find_boxes(view, colour, network.radius)
-            some = [_Part(number, *part) for part in split_by_mask(network, boxes, masks[number], tile)]
+            some = [Part(number, *part) for part in split_by_mask(network, boxes, masks[number], tile)]
             if colour is not None:
                 job.statistics.uniform += count_skipped([part.tile for part in some], masks[number])
             parts += some
-        batches = list(_make_batches(parts, group, grid))
+        batches = list(make_batches(parts, group, grid, output.ranges))
         is_parallel = is_parallel_faster(len(batches), network.threads)
         runner = _TileRunner(job, group, tile, lumas, shift, output, cores=1 if is_parallel else network.threads)
         run_each(runner.run_batch, batches, network.threads if is_parallel else 1)
@@ -245,15 +255,15 @@ class _TileRunner(NamedTuple):
     output: _Output
     cores: int
 
-    def run_batch(self, batch: tuple[Axis, Axis, Sequence[_Part]]) -> None:
-        """Upscales parts of one size, of views by their numbers, whose windows have the same rows and columns."""
+    def run_batch(self, batch: Batch) -> None:
+        """Upscales the parts of a batch, of views by their numbers."""
         network, views, _ = self.job[:3]
-        rows, cols, parts = batch
+        rows, cols, disparities, parts = batch
         image = np.stack([convert_to_planes(views[self.group[part.number]][part.tile.region]) for part in parts])
         around = np.empty((len(parts), WINDOW_SIDE * WINDOW_SIDE, *image.shape[2:]), np.float32)
         for part, window in zip(parts, around, strict=True):
             self._fill_window(window, part.tile, self.group[part.number])
-        results = network(image, around, rows.present, cols.present, cores=self.cores)
+        results = network(image, around, rows, cols, disparities, cores=self.cores)
         for (number, tile, mask), large, uncertain in zip(parts, *results, strict=True):
             kept = round_levels(large[:, *tile.kept_in_tile(network.scale)], self.output.pictures)
             write_planes(self.output.pictures[number][tile.kept_in_picture(network.scale)], kept, mask)
@@ -286,22 +296,3 @@ def _check_views(views: Mapping[View, Pixels], view: View, required: Sequence[Vi
                 f"view {v},{u}: {other.shape} of {other.dtype}, where view {view[0]},{view[1]} is {first.shape} of "
                 f"{first.dtype}; give views of one size and depth"
             )
-
-
-def _make_batches(
-    parts: Sequence[_Part], group: Mapping[int, View], grid: tuple[int, int]
-) -> Iterator[tuple[Axis, Axis, Sequence[_Part]]]:
-    """Batches of parts of one size, of views whose windows have the same rows and columns present, of up to
-    `BATCH_PIXELS` pixels.
-    """
-    alike: dict[tuple[object, ...], list[_Part]] = {}
-    for part in parts:
-        v, u = group[part.number]
-        present = select_axis(v, grid[0]).present.tobytes() + select_axis(u, grid[1]).present.tobytes()
-        rows, cols = part.tile.region
-        alike.setdefault((present, rows.stop - rows.start, cols.stop - cols.start), []).append(part)
-    for some in alike.values():
-        v, u = group[some[0].number]
-        count = max(1, BATCH_PIXELS // count_pixels(some[0].tile.region))
-        for begin in range(0, len(some), count):
-            yield select_axis(v, grid[0]), select_axis(u, grid[1]), some[begin : begin + count]

@@ -64,9 +64,9 @@ class IntegerLightFieldNetwork:
         self.layers = Layers([28, *[4] * (layers - 1), 13], seed=layers)
         self.pixels, self.most = 0, 0.5 if is_confident else 1.0
 
-    def __call__(self, image, around, rows, cols, *, cores=None):
+    def __call__(self, image, around, rows, cols, disparities, *, cores=None):
         self.pixels += len(image) * image.shape[2] * image.shape[3]
-        weights = 1 + np.arange(25) * np.outer(rows, cols).ravel()
+        weights = 1 + np.arange(25) * np.outer(rows.present, cols.present).ravel()
         inputs = [to_integers(image), to_integers(around * weights[:, None, None])]
         planes = self.layers(np.concatenate(inputs, axis=1))
         return shuffle_pixels(planes[:, :12]), (planes[:, 12:] % 256 / 255 * self.most).astype(np.float32)

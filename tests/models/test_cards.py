@@ -40,8 +40,6 @@ def test_written_and_read_back(tmp_path):
         ({"training": {"recipe": [], "commit": "", "iterations": 1, "seed": 0}}, r"recipe is \[\]; dict"),
         ({"name": "other"}, "names its network 'other'"),
         ({"precision": "float16"}, "precision is 'float16'; give one of float32, int8"),
-        ({"weights": "../other"}, r"weights is .*; give the stem"),
-        ({"flips": 4}, "flips is 4; give 1, or 4 for a light-field network"),
         ({"sizes": {"minimum": 0}}, "at least 1 is needed"),
         ({"sizes": {"square": 1}}, "square is 1; bool"),
         ({"sizes": {"maximum": 9}}, "'maximum' is unknown"),

@@ -142,13 +142,3 @@ def test_an_int8_twin_is_the_default_where_the_processor_supports_it(monkeypatch
         catalogue.DEFAULT,
         catalogue.LIGHT_FIELD_DEFAULT,
     )
-
-
-def test_the_network_of_single_pictures_that_helps_a_light_field_network():
-    found = {entry.name: catalogue.find_fallback(entry.card) for entry in models.list_entries() if entry.is_light_field}
-    assert found == {
-        "field": "fast",
-        "field-int8": "fast",
-        "field-quality": "quality",
-        "field-quality-int8": "quality",
-    }

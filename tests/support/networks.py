@@ -17,8 +17,8 @@ class StandIn:
     card = read_card(catalogue.SHIPPED / f"{name}.json")
     uncertainty = 0.3
 
-    def __call__(self, image, around, rows, cols, *, cores=None):
-        there = np.outer(rows > 0, cols > 0).reshape(1, -1, 1, 1)
+    def __call__(self, image, around, rows, cols, disparities, *, cores=None):
+        there = np.outer(rows.present > 0, cols.present > 0).reshape(1, -1, 1, 1)
         mean = (around * there).sum(1, keepdims=True) / there.sum()
         return ((image + mean) / 2).repeat(2, axis=2).repeat(2, axis=3), np.full_like(mean, self.uncertainty)
 
@@ -36,7 +36,11 @@ def install_stand_in(monkeypatch):
     """Makes a `StandIn` the catalogue's `field` network and returns it; names are not replaced by their int8 twins."""
     entries = [entry for entry in catalogue.list_entries() if entry.name != catalogue.LIGHT_FIELD_DEFAULT]
     (fast,) = (entry for entry in entries if entry.name == catalogue.DEFAULT)
-    inputs = (Tensor("around", ("batch", 25, "height", "width"), "float32", 0.0, 1.0),)
+    inputs = (
+        Tensor("around", ("batch", 25, "height", "width"), "float32", 0.0, 1.0),
+        *(Tensor(name, (8, 3, 5, "taps"), "float32", -2.0, 2.0) for name in ("down", "across")),
+        Tensor("window", (6,), "float32", -2.0, 2.0),
+    )
     card = dataclasses.replace(fast.card, name=catalogue.LIGHT_FIELD_DEFAULT, extra_inputs=inputs)
     entries.insert(0, dataclasses.replace(fast, name=catalogue.LIGHT_FIELD_DEFAULT, card=card))
     load = catalogue.load_light_field_network

@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
+from ciir.models.light_field.planes import Range
 from ciir.models.light_field.windows import WINDOW_SIDE
 from ciir.renderer.backends.embree import RaytraceBackend
 from ciir.renderer.framing import frame_scene
@@ -41,6 +42,10 @@ PIXELS = 15
 NEAREST = 2.5
 """Largest scale of an object relative to its framed size."""
 FARTHEST = 0.7
+MOVED = (0.4, 1.0)
+"""Pixels by which the farthest side of a light field moves from one view to the next."""
+ASIDE = 0.2
+"""Largest tangent of the direction of a view."""
 TILT = 0.6
 """Largest angle of a mesh's own up direction to the vertical, radians."""
 
@@ -50,12 +55,19 @@ class MeshLightField(NamedTuple):
 
     `views` and `colours` have an entry for each kind of array: the luma of all views of a window `(25, h, w)`, and one
     of them in colour `(3, h, w)`. `high` is the truth of that one, `(3, 2*h, 2*w)`, and `own` its row and column.
+    `disparities` is the range between the nearest and the farthest side of what is in it.
     """
 
     views: dict[str, Tensor]
     colours: dict[str, Tensor]
     high: Tensor
     own: tuple[int, int]
+    disparities: Range
+
+    def to(self, device: torch.device) -> MeshLightField:
+        """Returns the same on a device."""
+        views, colours = ({kind: of.to(device) for kind, of in each.items()} for each in (self.views, self.colours))
+        return self._replace(views=views, colours=colours, high=self.high.to(device))
 
 
 def read_mesh(path: str | Path) -> Scene:
@@ -84,6 +96,13 @@ def draw_rotation(random: np.random.Generator) -> NDArray[np.float64]:
     return matrix
 
 
+def _draw_shear(random: np.random.Generator) -> NDArray[np.float64]:
+    """Draws a 4x4 matrix that shows a scene as views from the side see it."""
+    matrix = np.eye(4)
+    matrix[:2, 2] = random.uniform(-ASIDE, ASIDE, 2)
+    return matrix
+
+
 def _place_mesh(random: np.random.Generator, mesh: Scene, array: LensArray) -> Scene:
     placed = mesh.transform(draw_rotation(random))
     nearer = np.diag([*[np.exp(random.uniform(np.log(FARTHEST), np.log(NEAREST)))] * 3, 1.0])
@@ -109,15 +128,16 @@ def render_pairs(mesh: Scene, *, seed: int, index: int, scale: int) -> tuple[Pai
 def render_window(
     mesh: Scene, *, seed: int, index: int, own: tuple[int, int] = (WINDOW_SIDE // 2, WINDOW_SIDE // 2)
 ) -> MeshLightField:
-    """Renders light field number `index` of a mesh: 5x5 neighbouring views of an array of 48x48 or 96x96 lenses, and
-    the truth of the one at row and column `own` of them.
+    """Renders light field number `index` of a mesh: 5x5 views of an array of 48x48 or 96x96 lenses, as close together
+    as the service renders them, and the truth of the one at row and column `own` of them.
     """
     random = np.random.default_rng((seed, index, 3))
     side = LENSES[1 + index % 2]
-    array = LensArray(side, side, PIXELS, PIXELS)
-    placed = _place_mesh(random, mesh, array)
-    top, left = (int(number) for number in random.integers(0, PIXELS - WINDOW_SIDE + 1, 2))
-    views = [(top + v, left + u) for v in range(WINDOW_SIDE) for u in range(WINDOW_SIDE)]
+    placed = _place_mesh(random, mesh, LensArray(side, side, PIXELS, PIXELS)).transform(_draw_shear(random))
+    near, far = (max(0.0, -float(bound[2])) for bound in reversed(placed.bounds()))
+    moved = random.uniform(*MOVED)  # pixels, of the farthest side, from one view to the next
+    array = LensArray(side, side, WINDOW_SIDE, WINDOW_SIDE, delta=moved / far)
+    views = [(v, u) for v in range(WINDOW_SIDE) for u in range(WINDOW_SIDE)]
     background = draw_background(random)
     middle = own[0] * WINDOW_SIDE + own[1]
     colours, lumas = {}, {}
@@ -129,7 +149,7 @@ def render_window(
         lumas[kind] = torch.from_numpy(np.rint(pictures @ np.array(LUMA)).astype(np.uint8))
     fine = backend.render_views(placed, array.refine(2), [views[middle]], samples=SAMPLES, background=background)
     high = torch.from_numpy(next(fine)[..., :3].copy()).permute(2, 0, 1)
-    return MeshLightField(lumas, colours, high, own)
+    return MeshLightField(lumas, colours, high, own, Range(-moved, -moved * near / far))
 
 
 def _join_views(views: NDArray[np.uint8]) -> NDArray[np.uint8]:

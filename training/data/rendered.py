@@ -89,7 +89,7 @@ def render_scenes(
 ) -> Iterator[tuple[Pair, Pair]]:
     """Renders scenes 0 to `count` as `render_pairs`, by as many processes as there are cores, in order.
 
-    `pictures` is sent to each of them.
+    `pictures` is sent to each of them: `training.data.pictures.Pictures` without what is decoded.
     """
     render = partial(_render_scene, pictures, seed, scale)
     processes = min(cores.count_available_cores(), count // SCENES_PER_PROCESS)
@@ -97,11 +97,11 @@ def render_scenes(
         yield from map(render, range(count))
         return
     # Not forked: this process may have threads, and use a GPU.
-    with ProcessPoolExecutor(processes, get_context("spawn"), initializer=_start_process) as pool:
+    with ProcessPoolExecutor(processes, get_context("spawn"), initializer=start_process) as pool:
         yield from pool.map(render, range(count), chunksize=2)
 
 
-def _start_process() -> None:
+def start_process() -> None:
     """Leaves Ctrl-C to the process that waits for this one, and the other cores to the others."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     cores.most_cores = 1

@@ -87,7 +87,7 @@ def measure(
     scores: dict[View, tuple[float, float]] = {}
     for view in tqdm(views, desc=path.name, disable=None, unit="view", leave=False):
         if isinstance(network, LightFieldNetwork):
-            alone = catalogue.load_upscaler(catalogue.find_fallback(network.card), scale=network.scale)
+            alone = catalogue.load_upscaler(catalogue.FALLBACK, scale=network.scale)
             upscale = partial(upscale_views, network, alone, finds_sampling=True)
             made, _ = upscale_spaced_views(upscale, given, [view], grid, stride)
         else:

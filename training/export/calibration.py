@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import torch
 
+from ciir.models.light_field.planes import describe_window
 from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
 from ciir.renderer.scenes import SCENES, load_scene
 from ciir.training.data import downscale, mesh_views, pictures
 from ciir.training.data.light_field.crops import STEPS_PER_BLOCK, Inputs, LightFieldCrops
-from ciir.training.export.inputs import IMAGE, LIGHT_FIELD_INPUTS
+from ciir.training.export.inputs import IMAGE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -27,7 +28,7 @@ class Example(NamedTuple):
     """The inputs of a network and the truth of its output."""
 
     inputs: dict[str, NDArray[np.float32]]
-    """By name, one picture each: `(1, C, h, w)` in [0, 1], and the position of the window."""
+    """By name, one picture each: `(1, C, h, w)` in [0, 1], and what describes the window of a light field."""
     high: Picture
     """`(scale*h, scale*w, 3)`, 8 bit."""
 
@@ -69,9 +70,9 @@ def make_picture_examples(folders: Sequence[Path], scale: int) -> list[Example]:
     return found
 
 
-def make_light_field_examples(folders: Sequence[Path], scale: int) -> list[Example]:
-    """Makes examples for a light-field network: layered scenes of each folder's pictures, as late in training, some
-    at the border of the grid, and views of built-in scenes.
+def make_light_field_examples(folders: Sequence[Path], scale: int, planes: int) -> list[Example]:
+    """Makes examples for a light-field network of `planes`: layered scenes of each folder's pictures, as late in
+    training, some at the border of the grid, and views of built-in scenes.
 
     Raises `ValueError` as `training.data.light_field.crops.LightFieldCrops` does.
     """
@@ -79,14 +80,21 @@ def make_light_field_examples(folders: Sequence[Path], scale: int) -> list[Examp
     for folder in folders:
         kinds = dict.fromkeys(downscale.KINDS, 1.0)
         crops = LightFieldCrops(
-            folder, crop=SIDE * scale, scale=scale, batch=SCENES_PER_BATCH, seed=0, degradations=kinds
+            folder,
+            crop=SIDE * scale,
+            scale=scale,
+            batch=SCENES_PER_BATCH,
+            seed=0,
+            degradations=kinds,
+            planes=planes,
         )
         for number in range(BATCHES):
             inputs, high = crops.make_batch(number * STEPS_PER_BLOCK)
             found.extend(_split_batch(inputs, high))
     for name in SCENES:
         for index in range(LIGHT_FIELDS):
-            found.extend(_make_mesh_examples(mesh_views.render_window(load_scene(name), seed=0, index=index)))
+            rendered = mesh_views.render_window(load_scene(name), seed=0, index=index)
+            found.extend(_make_mesh_examples(rendered, planes))
     return found
 
 
@@ -96,20 +104,20 @@ def _make_picture_example(low: Picture, high: Picture) -> Example:
 
 def _split_batch(inputs: Inputs, high: torch.Tensor) -> Iterator[Example]:
     """Yields each light field of a batch. `high`: `(N, 3, scale*h, scale*w)` in [0, 1]."""
-    names = [IMAGE.name, *(tensor.name for tensor in LIGHT_FIELD_INPUTS)]
     truths = high.mul(255).round().byte().permute(0, 2, 3, 1).numpy()
     for number, truth in enumerate(truths):
         one = slice(number, number + 1)
-        parts = (inputs.image[one], inputs.around[one], inputs.rows, inputs.cols)
-        yield Example({name: part.numpy() for name, part in zip(names, parts, strict=True)}, truth)
+        parts = inputs._replace(image=inputs.image[one], around=inputs.around[one])._asdict()
+        yield Example({name: part.numpy() for name, part in parts.items()}, truth)
 
 
-def _make_mesh_examples(field: MeshLightField) -> Iterator[Example]:
+def _make_mesh_examples(field: MeshLightField, planes: int) -> Iterator[Example]:
     """Yields the light field of a mesh of each kind of array."""
-    middle = torch.from_numpy(select_axis(WINDOW_SIDE // 2, WINDOW_SIDE).present)
+    rows, cols = (select_axis(place, WINDOW_SIDE) for place in field.own)
+    window = [torch.from_numpy(part.copy()) for part in describe_window(rows, cols, field.disparities, planes)]
     for kind, views in field.views.items():
         image, around = (part[None].float().div(255) for part in (field.colours[kind], views))
-        yield from _split_batch(Inputs(image, around, middle, middle), field.high[None].float().div(255))
+        yield from _split_batch(Inputs(image, around, *window), field.high[None].float().div(255))
 
 
 def _crop_middle(photograph: Picture, side: int) -> Picture:

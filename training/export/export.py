@@ -78,8 +78,11 @@ def export_int8(
     from ciir.training.export import calibration, quantise
 
     weights, card = convert_checkpoint(checkpoint, name)
-    examples_of = calibration.make_light_field_examples if card.is_light_field else calibration.make_picture_examples
-    weights, kept = quantise.quantise_network(weights, examples_of(calibrate, card.scale))
+    if card.is_light_field:
+        pairs = calibration.make_light_field_examples(calibrate, card.scale, card.planes)
+    else:
+        pairs = calibration.make_picture_examples(calibrate, card.scale)
+    weights, kept = quantise.quantise_network(weights, pairs)
     how = {"calibrate": [folder.as_posix() for folder in calibrate], "float_layers": kept}
     twin = dataclasses.replace(
         card,

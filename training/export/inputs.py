@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import torch
 
 from ciir.models import cards
+from ciir.models.light_field.planes import Range, describe_window
 from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
 from ciir.training.networks.light_field import LightFieldGenerator
 
@@ -17,14 +18,10 @@ if TYPE_CHECKING:
 
 FREE = ("height", "width")
 IMAGE = cards.Tensor("image", ("batch", 3, *FREE), "float32", 0.0, 1.0)
-LIGHT_FIELD_INPUTS = (
-    cards.Tensor("around", ("batch", WINDOW_SIDE * WINDOW_SIDE, *FREE), "float32", 0.0, 1.0),
-    cards.Tensor("rows", (WINDOW_SIDE,), "float32", 0.0, 1.0),
-    cards.Tensor("cols", (WINDOW_SIDE,), "float32", 0.0, 1.0),
-)
-"""Inputs of a light-field network besides the view: see `training.networks.light_field`."""
 UNCERTAINTY = cards.Tensor("uncertainty", ("batch", 1, *FREE), "float32", 0.0, 1.0)
 """Its output besides the picture: see `LightFieldGenerator.forward_with_uncertainty`."""
+EXAMPLE = Range(-1.0, 1.0)
+"""Disparities of examples."""
 WINDOWS: tuple[WindowPosition, ...] = (((2, 5), (2, 5)), ((0, 5), (0, 5)), ((1, 3), (1, 3)), ((2, 3), (3, 5)))
 """Windows for tests of such a network, as `(number, of how many)` views down and across: whole, at a corner, and in the
 middle and at the edge of the least grid."""
@@ -32,7 +29,16 @@ middle and at the edge of the least grid."""
 
 def list_inputs(network: nn.Module) -> tuple[cards.Tensor, ...]:
     """The inputs of the network's ONNX file, in order."""
-    return (IMAGE, *LIGHT_FIELD_INPUTS) if isinstance(network, LightFieldGenerator) else (IMAGE,)
+    if not isinstance(network, LightFieldGenerator):
+        return (IMAGE,)
+    filters = (network.planes, 3, WINDOW_SIDE, "taps")
+    return (
+        IMAGE,
+        cards.Tensor("around", ("batch", WINDOW_SIDE * WINDOW_SIDE, *FREE), "float32", 0.0, 1.0),
+        cards.Tensor("down", filters, "float32", -2.0, 2.0),
+        cards.Tensor("across", filters, "float32", -2.0, 2.0),
+        cards.Tensor("window", (6,), "float32", -2.0, 2.0),
+    )
 
 
 def list_outputs(network: nn.Module) -> tuple[cards.Tensor, ...]:
@@ -53,5 +59,8 @@ def make_examples(
     made = [torch.rand(count, 3, height, width, generator=random)]
     if isinstance(network, LightFieldGenerator):
         made.append(torch.rand(count, WINDOW_SIDE * WINDOW_SIDE, height, width, generator=random))
-        made.extend(torch.from_numpy(select_axis(*at).present) for at in place)
+        rows, cols = (select_axis(*at) for at in place)
+        made.extend(
+            torch.from_numpy(part.copy()) for part in describe_window(rows, cols, EXAMPLE, network.planes).trim()
+        )
     return made

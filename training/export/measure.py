@@ -69,7 +69,7 @@ def _measure_reach(probe: nn.Module, scale: int, centre: int, axis: int, place: 
     sides = [9, 9]
     sides[axis - 2] = 2 * centre + 1
     inputs = [part.double() for part in examples.make_examples(probe, 1, *sides, place=place)]
-    pictures = [part.requires_grad_() for part in inputs if part.ndim == 4]
+    pictures = [part.requires_grad_() for part in inputs[:2]]  # the view and those around it
     for part in pictures[1:]:
         part.data += 1  # the views around are above the view itself, so that no ReLU is zero
     output = probe(*inputs).movedim(axis, 2)[:, :, centre * scale : (centre + 1) * scale]

@@ -64,7 +64,7 @@ def load_onnx_weights(network: nn.Module, path: Path) -> None:
         if weight is None or bias is None or weight.shape != layer.kernel.shape:
             missing.append(name)
             continue
-        layer.kernel.add_(weight - layer.weight())
+        layer.kernel.add_(weight.to(layer.kernel.device) - layer.weight())
         layer.bias.copy_(bias)
     if missing:
         raise ValueError(f"initial: {path} doesn't hold the weights of {', '.join(missing[:3])}; name another")
@@ -89,7 +89,7 @@ def _split_merged(network: LightFieldGenerator, found: dict[str, Tensor]) -> Non
     inform[:, -CHOSEN:-1] /= by_fine
     inform[:, -1] /= by_spread
     head = found["compare.0.weight"].clone()
-    planes = network.sweep.planes
+    planes = network.planes
     head[:, : 4 * planes] /= by_fine
     head[:, 4 * planes : 5 * planes] /= by_spread
     found["compare.0.weight"] = head

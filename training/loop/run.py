@@ -41,13 +41,24 @@ class Run:
         network = make_network(recipe.network, recipe.options)
         if network.scale != recipe.scale:
             raise ValueError(f"scale is {recipe.scale}, and {recipe.network} is made for {network.scale}; see options")
+        if self.device.type == "cuda":
+            # By default convolutions in float32 keep 10 bits: too few for the differences of a plane sweep.
+            torch.backends.cudnn.allow_tf32 = False
+            torch.backends.cudnn.benchmark = True  # all batches have one shape
         self.network: nn.Module = network.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.average = copy.deepcopy(self.network)
         """The running mean of the weights: what is validated and exported."""
+        if self.device.type == "cuda":
+            self.network.compile()
         self.trained = [weight for weight in self.network.parameters() if weight.requires_grad]
         self.optimiser = torch.optim.Adam(self.trained, lr=recipe.learning_rate)
         self.objective = Objective(recipe, self.device)
         self.step, self.seconds, self.psnr, self.commit = 0, 0.0, math.nan, find_commit()
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the run is at its end: its steps are done, or its time is up."""
+        return self.step >= self.recipe.steps or 0 < 60 * self.recipe.minutes <= self.seconds
 
     def update(self, low: Inputs, high: Tensor) -> dict[str, Tensor | float]:
         """Updates the weights with LR `(N, 3, h, w)`, or all inputs of the network, and HR `(N, 3, H, W)`, float in
@@ -70,7 +81,7 @@ class Run:
         norm = torch.nn.utils.clip_grad_norm_(self.trained, self.recipe.clip or math.inf)
         if self.checks_loss and not torch.isfinite(norm):
             raise FloatingPointError(f"step {self.step}: the gradient's norm is {norm.item()}; lower learning_rate")
-        rate = learning_rate(self.recipe, self.step)
+        rate = learning_rate(self.recipe, self.step, self.seconds)
         for group in self.optimiser.param_groups:
             group["lr"] = rate
         self.optimiser.step()
@@ -85,7 +96,7 @@ class Run:
         return self.step % CHECK_EVERY[self.device.type] == 0
 
     def _placed(self, image: Tensor) -> Tensor:
-        if self.device.type == "cuda":
+        if self.device.type == "cuda" and image.device.type == "cpu":
             image = image.pin_memory()
         layout = torch.channels_last if image.ndim == 4 else torch.preserve_format
         return image.to(self.device, non_blocking=True, memory_format=layout)
@@ -172,19 +183,22 @@ def choose_device(name: str) -> torch.device:
     return torch.device(name)
 
 
-def learning_rate(recipe: Recipe, step: int) -> float:
-    """Adam's step size at `step`: a linear warm-up, then a half cosine down to zero at `recipe.steps`."""
+def learning_rate(recipe: Recipe, step: int, seconds: float = 0.0) -> float:
+    """Adam's step size at `step`, after `seconds`: a linear warm-up, then a half cosine down to zero at the end."""
     if step < recipe.warmup:
         return recipe.learning_rate * (step + 1) / recipe.warmup
     done = (step - recipe.warmup) / max(1, recipe.steps - recipe.warmup)
-    return recipe.learning_rate * 0.5 * (1.0 + math.cos(math.pi * done))
+    if recipe.minutes:
+        done = max(done, seconds / (60 * recipe.minutes))
+    return recipe.learning_rate * 0.5 * (1.0 + math.cos(math.pi * min(1.0, done)))
 
 
 @torch.no_grad()
 def update_average(average: nn.Module, network: nn.Module, decay: float) -> None:
     """Updates a running mean of weights: `average = decay * average + (1 - decay) * network`; buffers are copied."""
-    for mean, weight in zip(average.parameters(), network.parameters(), strict=True):
-        mean.lerp_(weight, 1.0 - decay)
+    torch._foreach_lerp_(
+        list(average.parameters()), list(network.parameters()), 1.0 - decay
+    )  # as torch's own optimisers do
     for name, buffer in average.named_buffers():
         buffer.copy_(network.get_buffer(name))
 

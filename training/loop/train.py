@@ -27,15 +27,16 @@ if TYPE_CHECKING:
     from ciir.training.loop.prefetch import Batch
     from ciir.training.recipe import Recipe
 
-THREADS = {"cpu": 0, "cuda": 8}
-"""Threads that prefetch batches: on a CPU they would only slow down the updates."""
+THREADS = {"cpu": 0, "cuda": 1}
+"""Threads that prefetch batches, which are made on the device: on a CPU they would only slow down the updates."""
 
 
 def train(recipe: Recipe, out: Path) -> Path:
     """Runs `recipe` in `out`, from its checkpoint where one is there, and returns the checkpoint's path.
 
     `out` gets `checkpoint.pt`, and what `training.loop.logs.Log` writes, after each `recipe.validate_every` steps. A
-    resumed run continues bit for bit on the CPU: the data and the step size depend only on the step.
+    resumed run continues bit for bit on the CPU: the data and the step size depend only on the step. With
+    `recipe.minutes` the step size depends on the time too.
 
     Ctrl-C and SIGTERM stop it after the current step, with a checkpoint, by raising `training.loop.interrupt.Stopped`.
 
@@ -52,9 +53,9 @@ def train(recipe: Recipe, out: Path) -> Path:
         run.resume(checkpoint)
     elif recipe.initial:
         run.start_from(Path(recipe.initial))
-    if run.step == recipe.steps:
+    if run.is_done:
         return checkpoint
-    score, batch_of = _load_data(recipe)
+    score, batch_of = _load_data(recipe, run)
 
     out.mkdir(parents=True, exist_ok=True)
     report_start(recipe, run.step)
@@ -67,22 +68,26 @@ def train(recipe: Recipe, out: Path) -> Path:
     ):
         for low, high in coming:
             checks_loss = run.checks_loss
+            run.seconds = time.monotonic() - begun
             losses = run.update(low, high)
             means.add(losses)
             progress.count_step(float(losses["loss"]) if checks_loss else None)
-            due = run.step % recipe.validate_every == 0 or run.step == recipe.steps
+            due = run.step % recipe.validate_every == 0 or run.is_done
             if due:
                 row = means.take()  # waits for the GPU
                 pace = (time.monotonic() - since) / (run.step - at)
                 run.psnr = score(run.average)
-                row |= {"step": run.step, "learning_rate": learning_rate(recipe, run.step - 1), "psnr": run.psnr}
+                rate = learning_rate(recipe, run.step - 1, run.seconds)
+                row |= {"step": run.step, "learning_rate": rate, "psnr": run.psnr}
                 log.add(row | {"seconds": time.monotonic() - begun, "seconds_per_step": pace})
                 progress.report_validation(run.step, loss=row["loss"], psnr=run.psnr, pace=pace)
                 since, at = time.monotonic(), run.step
             if due or signals:
                 run.seconds = time.monotonic() - begun
                 run.save(checkpoint)
-            if signals and run.step < recipe.steps:
+            if run.is_done:
+                break
+            if signals:
                 raise Stopped(
                     f"stopped at step {run.step} of {recipe.steps}, saved in {checkpoint}; "
                     "continue with the same command",
@@ -126,14 +131,17 @@ def _choose_prefetch(recipe: Recipe, run: Run) -> dict[str, int]:
     )
 
 
-def _load_data(recipe: Recipe) -> tuple[Callable[[nn.Module], float], Callable[[int], Batch]]:
-    """Loads the data of a recipe: returns the validation of a network, and the function that makes a step's batch."""
-    common: dict[str, Any] = {
-        name: getattr(recipe, name) for name in ("crop", "scale", "batch", "seed", "degradations", "meshes")
-    }
-    if recipe.light_field:
+def _load_data(recipe: Recipe, run: Run) -> tuple[Callable[[nn.Module], float], Callable[[int], Batch]]:
+    """Loads the data of a recipe onto the run's device: returns the validation of a network, and the function that
+    makes a step's batch.
+    """
+    names = ("crop", "scale", "batch", "seed", "degradations", "meshes")
+    common: dict[str, Any] = {name: getattr(recipe, name) for name in names} | {"device": run.device}
+    if isinstance(run.network, LightFieldGenerator):
         fields = light_field_validation.read_light_field(Path(recipe.validate), recipe.scale)
-        views = LightFieldCrops(Path(recipe.train), **common, scenes=recipe.scenes, eased=recipe.eased)
+        views = LightFieldCrops(
+            Path(recipe.train), **common, planes=run.network.planes, scenes=recipe.scenes, eased=recipe.eased
+        )
         return lambda network: light_field_validation.validate_network(network, fields), views.make_batch
     pairs = validation.read_pairs(Path(recipe.validate), recipe.scale)
     corruption = {name: getattr(recipe, name) for name in ("scenes", "noise", "blur", "jpeg", "corrupted")}

@@ -9,6 +9,9 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
+SQUARES = 6.0
+"""Weight of squares in `squared_luma`: at a difference of a sixth of the range they count as much as its size."""
+
 
 def l1(output: Tensor, high: Tensor) -> Tensor:
     """Mean absolute difference, a scalar."""
@@ -27,7 +30,18 @@ def luma(output: Tensor, high: Tensor) -> Tensor:
     return 0.3 * difference.abs().mean() + 0.7 * (difference * weights).sum(1).abs().mean()
 
 
-LOSSES: dict[str, Callable[[Tensor, Tensor], Tensor]] = {"l1": l1, "mse": mse, "luma": luma}
+def squared_luma(output: Tensor, high: Tensor) -> Tensor:
+    """`luma`, and `SQUARES` times the mean squared difference of Y, a scalar: PSNR is of squares."""
+    weights = output.new_tensor([0.299, 0.587, 0.114])[:, None, None]
+    return luma(output, high) + SQUARES * ((output - high) * weights).sum(1).square().mean()
+
+
+LOSSES: dict[str, Callable[[Tensor, Tensor], Tensor]] = {
+    "l1": l1,
+    "mse": mse,
+    "luma": luma,
+    "squared-luma": squared_luma,
+}
 """A recipe's `loss` -> function of (output, high), both float of one shape, in [0, 1]."""
 
 

@@ -15,7 +15,7 @@ from torch.nn import functional
 from ciir.training.networks.collapsible import CollapsibleConv
 from ciir.training.networks.compact import CompactGenerator
 from ciir.training.networks.guard import limit_change
-from ciir.training.networks.plane_sweep import PlaneSweep, count_sides
+from ciir.training.networks.plane_sweep import PlaneSweep
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,8 +27,9 @@ NO_PLANE = 0.15
 PATCH = 5
 """Side of the square over which disagreement is averaged."""
 FLAT = 0.02
-"""Mean difference of the views over all planes below which uncertainty is not measured: the picture is flat."""
-SIDES = 4
+"""Contrast below which uncertainty is not measured: the picture is flat."""
+DESCRIBED = 6
+"""Numbers that describe a window."""
 CHOSEN = 5
 """Channels of the selected plane: four phases, and the deviation of the views."""
 FACTORS = (2.0, 4.0)
@@ -40,9 +41,9 @@ class LightFieldGenerator(nn.Module):
     """Upscales one view of a light field by 2 with the views around it.
 
     `image`: the view, RGB in [0, 1], `(N, 3, H, W)`. `around`: luma (BT.601, full range) of a window of 5x5 views, row
-    by row, with the view itself anywhere in it, `(N, 25, H, W)`. `rows` and `cols`, `(5,)` each: 1 for the view's own
-    row and column in the window, 0.5 for the others, and 0 for the last ones where the grid has fewer than 5, whose
-    values in `around` are ignored (`models.light_field.windows.Axis.present`).
+    by row, with the view itself anywhere in it, `(N, 25, H, W)`. `down` and `across`: the filters of its rows and
+    columns, `(planes, 3, 5, taps)` each, which ignore the last ones where the grid has fewer than 5; `window`: `(6,)`,
+    see `models.light_field.planes`.
 
     Content moves by `disparity * offset` pixels towards larger coordinates from `image` to a view. Returns RGB,
     nominally in [0, 1], `(N, 3, 2*H, 2*W)`.
@@ -56,19 +57,21 @@ class LightFieldGenerator(nn.Module):
         slope: float = 0.0,
         width: int = 32,
         depth: int = 3,
+        planes: int = 8,
         *,
         guard: bool = False,
     ) -> None:
         """`widths`, `slope`, `guard`: of the single-picture generator. `width`, `depth`: channels, and layers after the
-        first, of what chooses a plane. Its last layer has 5 channels fewer: those of the selected plane.
+        first, of what chooses a plane. Its last layer has 5 channels fewer: those of the selected plane. `planes`: how
+        many disparities are tried.
         """
         super().__init__()
         self.scale = 2
         self.single = CompactGenerator(widths, self.scale, slope, guard=guard)
         """May start from a trained one: see `training.loop.run.Run.start_from`."""
+        self.planes = planes
         self.sweep = PlaneSweep()
-        planes = self.sweep.planes
-        self.compare = nn.Sequential(CollapsibleConv(5 * planes + 3 + SIDES, width), nn.ReLU())
+        self.compare = nn.Sequential(CollapsibleConv(5 * planes + 3 + DESCRIBED, width), nn.ReLU())
         for layer in range(depth):
             last = width - CHOSEN if layer == depth - 1 else width
             self.compare.extend([CollapsibleConv(width, last), nn.ReLU()])
@@ -80,33 +83,33 @@ class LightFieldGenerator(nn.Module):
         """`inform` and the single-picture generator's second layer as one, as exported: see `merge_layers`."""
         self.register_buffer("luma", torch.tensor(LUMA)[None, :, None, None], persistent=False)
 
-    def forward(self, image: Tensor, around: Tensor, rows: Tensor, cols: Tensor) -> Tensor:
+    def forward(self, image: Tensor, around: Tensor, down: Tensor, across: Tensor, window: Tensor) -> Tensor:
         """See the class."""
-        return self.forward_with_uncertainty(image, around, rows, cols)[0]
+        return self.forward_with_uncertainty(image, around, down, across, window)[0]
 
     def forward_with_uncertainty(
-        self, image: Tensor, around: Tensor, rows: Tensor, cols: Tensor
+        self, image: Tensor, around: Tensor, down: Tensor, across: Tensor, window: Tensor
     ) -> tuple[Tensor, Tensor]:
         """Returns what `forward` returns, and the uncertainty `(N, 1, H, W)`: the deviation of the views at the best
-        plane over their mean deviation. 0.2 to 0.5 where they show the same scene, up to 1 where they don't or show
-        noise; low where the picture is flat.
+        plane over the contrast of the view. Low where they show the same scene or the picture is flat, 1 and more where
+        they don't or show noise.
         """
         with torch.autocast(image.device.type, enabled=False):  # differences of squares, and the picture itself
-            fine, spread = self.sweep(around, rows, cols)
+            fine, spread = self.sweep(around, down, across)
             own = _sum_channels(image * self.luma)
             fine = fine - own[:, None]
             base = self.single.base(image)  # (N, 12, H, W): colours, then phases
             red, green, blue = base.split(4, 1)
             alone = LUMA[0] * red + LUMA[1] * green + LUMA[2] * blue - own
-            blurred = functional.avg_pool2d(spread, PATCH, 1, PATCH // 2, count_include_pad=False)
-            uncertainty = _measure_uncertainty(fine, spread)
+            blurred = _blur(spread)
+            uncertainty = _measure_uncertainty(fine, spread, own)
             against = self.sharpness * torch.cat([blurred, torch.full_like(own, NO_PLANE)], 1)
         by_fine, by_spread = self.factors
         shown = [
             _multiply(by_fine, fine.flatten(1, 2)),
             _multiply(by_spread, spread),
             image,
-            _count_views(rows, cols, own),
+            window[None, :, None, None].to(own.dtype).expand(len(own), -1, *own.shape[2:]),
         ]
         compared = self.compare(torch.cat(shown, 1))
         likely = self.choose(compared).float() - against
@@ -132,19 +135,18 @@ class LightFieldGenerator(nn.Module):
         return functional.pixel_shuffle(change + gain.repeat(1, 3, 1, 1) + base, self.scale), uncertainty
 
 
-def _count_views(rows: Tensor, cols: Tensor, like: Tensor) -> Tensor:
-    """Half the number of views above, below, left and right, `(N, SIDES, H, W)`: few views agree by chance."""
-    shares = torch.stack([side for there in (rows, cols) for side in count_sides(there)]).to(like.dtype) / 2
-    return shares[None, :, None, None].expand(len(like), -1, *like.shape[2:])
-
-
-def _measure_uncertainty(fine: Tensor, spread: Tensor) -> Tensor:
-    """Uncertainty from the views' mean less the view `(N, planes, 4, H, W)` and their spread `(N, planes, H, W)`."""
+def _measure_uncertainty(fine: Tensor, spread: Tensor, own: Tensor) -> Tensor:
+    """Uncertainty from the views' mean less the view `(N, planes, 4, H, W)`, their spread `(N, planes, H, W)` and the
+    view's luma `(N, 1, H, W)`.
+    """
     apart = (spread.square() + fine.mean(2).square()).sqrt()
-    apart = functional.avg_pool2d(apart, PATCH, 1, PATCH // 2, count_include_pad=False)
-    both = torch.cat([apart.amin(1, keepdim=True), _sum_channels(apart) / apart.shape[1]], 1)
-    both = functional.avg_pool2d(both, PATCH, 1, PATCH // 2, count_include_pad=False)
-    return both[:, :1] / both[:, 1:].clamp(min=FLAT)
+    apart = _blur(apart).amin(1, keepdim=True)
+    contrast = (_blur(own.square()) - _blur(own).square()).clamp(min=0).sqrt()
+    return _blur(apart) / _blur(contrast).clamp(min=FLAT)
+
+
+def _blur(x: Tensor) -> Tensor:
+    return functional.avg_pool2d(x, PATCH, 1, PATCH // 2, count_include_pad=False)
 
 
 class WithUncertainty(nn.Module):
@@ -155,9 +157,11 @@ class WithUncertainty(nn.Module):
         self.network = network
         self.train(network.training)
 
-    def forward(self, image: Tensor, around: Tensor, rows: Tensor, cols: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(
+        self, image: Tensor, around: Tensor, down: Tensor, across: Tensor, window: Tensor
+    ) -> tuple[Tensor, Tensor]:
         """See `LightFieldGenerator.forward_with_uncertainty`."""
-        return self.network.forward_with_uncertainty(image, around, rows, cols)
+        return self.network.forward_with_uncertainty(image, around, down, across, window)
 
 
 def _sum_channels(x: Tensor) -> Tensor:
@@ -176,7 +180,7 @@ def fold_factors(network: LightFieldGenerator) -> None:
     """Moves the factors on inputs of a collapsed network into weights, in place."""
     by_fine, by_spread = network.factors
     head, inform = (cast("nn.Conv2d", layer) for layer in (network.compare[0], network.inform))
-    planes = network.sweep.planes
+    planes = network.planes
     head.weight[:, : 4 * planes] *= by_fine
     head.weight[:, 4 * planes : 5 * planes] *= by_spread
     inform.weight[:, -CHOSEN:-1] *= by_fine

@@ -57,9 +57,15 @@ def _load_model(plan: Plan, arrangement: Arrangement, skip: bool, statistics: Sk
         from ciir.models.light_field.views import upscale_views
 
         network = catalogue.load_light_field_network(plan.model, scale=plan.scale)
-        fallback = catalogue.load_upscaler(fallback_name(plan.model), scale=plan.scale)
+        fallback = catalogue.load_upscaler(fallback_name(), scale=plan.scale)
         upscale = partial(
-            upscale_views, network, fallback, skip=skip, statistics=statistics, finds_sampling=plan.finds_sampling
+            upscale_views,
+            network,
+            fallback,
+            skip=skip,
+            statistics=statistics,
+            finds_sampling=plan.finds_sampling,
+            disparities=plan.view_windows.disparities if plan.view_windows else None,
         )
 
         def upscale_light_field(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, list[Finishing]]:
@@ -98,10 +104,9 @@ def upscale_pictures(upscaler: Upscaler, pictures: Pixels, *, skip: bool, statis
     return upscale_pixels(upscaler, cast("NDArray[np.uint8]", pictures), skip=skip, statistics=statistics)
 
 
-def fallback_name(model: str) -> str:
-    """The network of single pictures that helps the light-field network `model` on this processor."""
-    card = catalogue.get_entry(model).card
-    return catalogue.prefer_int8(catalogue.DEFAULT if card is None else catalogue.find_fallback(card))
+def fallback_name() -> str:
+    """The network of single pictures that helps light-field networks on this processor."""
+    return catalogue.prefer_int8(catalogue.FALLBACK)
 
 
 def describe_model(name: str, scale: int) -> dict[str, Any]:
@@ -112,7 +117,7 @@ def describe_model(name: str, scale: int) -> dict[str, Any]:
     described = {"name": name, "scale": scale, "sha256": entry.card.sha256 if entry.card is not None else None}
     if not entry.is_light_field:
         return described
-    return described | {"fallback": describe_model(fallback_name(name), scale)}
+    return described | {"fallback": describe_model(fallback_name(), scale)}
 
 
 def describe_skipped(statistics: SkipStatistics) -> dict[str, Any]:
@@ -134,18 +139,18 @@ def sampling_reasons(model: str, finished: Sequence[Finishing]) -> list[str]:
     reasons = []
     if any(view.is_averaged for view in finished):
         filtered = "views that look as if they were made small with an antialiasing filter"
-        both = f"what {model} and {fallback_name(model)} make of them"
+        both = f"what {model} and {fallback_name()} make of them"
         reasons.append(f"{filtered} are means of {both}: others add little there")
     if any(view.is_restored for view in finished):
         reasons.append("views without noise that look filtered or like means are brought closer to what was seen")
     return reasons
 
 
-def fallback_notes(model: str, finished: Sequence[Finishing]) -> list[str]:
-    """The report's note on the share, of all pixels, that the fallback of `model` made; none where it is negligible."""
+def fallback_notes(finished: Sequence[Finishing]) -> list[str]:
+    """The report's note on the share, of all pixels, that the fallback made; none where it is negligible."""
     share = sum(view.fallback for view in finished) / max(1, len(finished))
     if share < MINIMUM_FALLBACK_SHARE:
         return []
-    made = f"{100 * share:.0f} % of the pixels were made by {fallback_name(model)} from their view alone"
+    made = f"{100 * share:.0f} % of the pixels were made by {fallback_name()} from their view alone"
     causes = "another scene, a wrong order of views, noise, errors of a JPEG, or depths too far apart"
     return [f"{made}: the views around don't match there ({causes})"]

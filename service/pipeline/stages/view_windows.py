@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.errors import InvalidOption
+from ciir.models.light_field.disparities.ranges import REACH
+from ciir.models.light_field.planes import Range
 from ciir.models.light_field.windows import WINDOW_SIDE
 from ciir.renderer.lens_array import LensArray
 
@@ -59,6 +61,8 @@ class ViewWindows:
 
     spacing: float
     """The distance between neighbouring views of a window, relative to that of the array's views."""
+    disparities: Range | None = None
+    """Of all that is seen, pixels from one view of a window to the next; None where some are larger than `REACH`."""
 
     def list_grid(self, grid: View) -> View:
         """Rows and columns of the grid for an array of `grid` views."""
@@ -89,9 +93,20 @@ def find_view_windows(
     corners = np.array(list(product(*zip(low, high, strict=True), (1.0,))))
     moved = float(np.abs(corners @ matrix[2]).max()) * array.delta / array.pitch
     most = max(1.0, (min(array.pixels_v, array.pixels_u) - 1) / (WINDOW_SIDE - 1))
-    found = ViewWindows(max(LEAST, most if moved * most <= MOVED else MOVED / moved))
+    spacing = max(LEAST, most if moved * most <= MOVED else MOVED / moved)
+    found = ViewWindows(spacing, _find_disparities(mesh, array, matrix, spacing))
     try:
         found.refine(array)
     except InvalidOption:
         return None
     return found
+
+
+def _find_disparities(mesh: Scene, array: LensArray, matrix: NDArray[np.float64], spacing: float) -> Range | None:
+    """The range of the disparities of a mesh in windows of views that are `spacing` apart, None where some are larger
+    than `REACH`: content at `z` moves by `z * delta / pitch` pixels from one view of the array to the next.
+    """
+    depths = [part.used_vertices() @ matrix[2, :3] + matrix[2, 3] for part in mesh.parts]
+    step = spacing * array.delta / array.pitch
+    ends = step * min(float(depth.min()) for depth in depths), step * max(float(depth.max()) for depth in depths)
+    return Range(*ends) if max(map(abs, ends)) <= REACH else None

@@ -114,7 +114,7 @@ class Making:
     def __init__(self, fine):
         self.planes = np.moveaxis(fine, 2, 0)[np.newaxis].astype(np.float32) / 255
 
-    def __call__(self, image, around, rows, cols, *, cores=None):
+    def __call__(self, image, around, rows, cols, disparities, *, cores=None):
         return self.planes.repeat(len(image), axis=0), np.full_like(image[:, :1], 0.3)
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciir.models import catalogue
-from ciir.models.light_field import disparity
+from ciir.models.light_field.disparities import shifts
 from ciir.models.light_field.views import upscale_views
 from ciir.models.single import skipping
 from ciir.models.single.skipping import SkipStatistics
@@ -54,7 +54,7 @@ def test_views_of_many_disparities_are_the_same_with_skipping_in_tiles_and_alone
     views = {view: np.where(near[view] != near[view][0, 64], near[view], far[view]) for view in near}
     views = {view: np.where(far[view] != far[view][0, 64], far[view], views[view]) for view in near}
     wanted = [(2, 2), (1, 3), (0, 2)]
-    assert {-9, 0, 6} <= set(np.unique(disparity.measure_shifts(views, (2, 2), (5, 5))))
+    assert {-9, 0, 6} <= set(np.unique(shifts.measure_shifts(views, (2, 2), (5, 5))))
     network, fallback = IntegerLightFieldNetwork(), IntegerNetwork()
     alone = [upscale_views(network, fallback, views, [view], (5, 5), skip=False)[0][0] for view in wanted]
     monkeypatch.setattr("ciir.models.light_field.views.TILE_PIXELS", tile_pixels)
@@ -100,8 +100,8 @@ def test_a_radius_that_is_too_small_shows():
 def test_a_views_result_depends_on_no_other_view_and_on_no_tile(monkeypatch, moves, tile_pixels):
     views = make_light_field((7, 7), (60, 64, 3), moves=moves, at=(24, 24), size=20)
     wanted = [(3, 3), (0, 0), (6, 2), (3, 4)]
-    shifts = disparity.measure_shifts(views, (3, 3), (7, 7))
-    assert set(np.unique(shifts)) == ({0, 6} if moves > 1 else {0})
+    found = shifts.measure_shifts(views, (3, 3), (7, 7))
+    assert set(np.unique(found)) == ({0, 6} if moves > 1 else {0})
     whole = [
         upscale_views(IntegerLightFieldNetwork(), IntegerNetwork(), views, [at], (7, 7), skip=False)[0][0]
         for at in wanted
@@ -150,14 +150,14 @@ def test_skip_false_skips_nothing():
 
 
 @cache
-def render_views():
-    """Views of the vase, 5x5 of 48x48 pixels with a wide margin."""
+def render_views(margin):
+    """Views of the vase, 5x5 of 48x48 pixels with at least `margin` pixels around them."""
     array = LensArray(48, 48, 15, 15)
     placed = load_scene("vase").transform(frame_scene(load_scene("vase"), array))
     at = [(v, u) for v in range(5, 10) for u in range(5, 10)]
     views = RaytraceBackend().render_views(placed, array, at, samples=1)
-    margin = ((30, 30), (44, 30), (0, 0))
-    return {(v - 5, u - 5): np.pad(view[..., :3], margin) for (v, u), view in zip(at, views, strict=True)}
+    around = ((margin, margin), (margin + margin // 2, margin), (0, 0))
+    return {(v - 5, u - 5): np.pad(view[..., :3], around) for (v, u), view in zip(at, views, strict=True)}
 
 
 @pytest.mark.parametrize("name", NETWORKS)
@@ -165,8 +165,9 @@ def test_overlapping_boxes_are_the_same_to_the_bit(name, monkeypatch):
     """So it doesn't matter which of two threads writes last."""
     network, random = catalogue.load_light_field_network(name), np.random.default_rng(0)
     monkeypatch.setattr(network, "threads", 2)
-    thing = np.zeros((180, 180, 1), np.uint16)
-    for part in (slice(10, 70), slice(80, 160)):
+    ends = [round(network.radius * part) for part in (0.6, 4.1, 4.7, 9.4, 10.6)]
+    thing = np.zeros((ends[-1], ends[-1], 1), np.uint16)
+    for part in (slice(*ends[:2]), slice(*ends[2:4])):  # less than two radii apart
         thing[part, part] = random.integers(0, 65536, (part.stop - part.start,) * 2 + (1,))
     boxes, covered = skipping.cover_with_boxes(thing[..., 0] > 0, network.radius), np.zeros(thing.shape, int)
     for box in boxes:
@@ -180,9 +181,9 @@ def test_overlapping_boxes_are_the_same_to_the_bit(name, monkeypatch):
 @pytest.mark.parametrize("name", NETWORKS)
 def test_rendered_views_are_the_same(name):
     network, fallback = catalogue.load_light_field_network(name), catalogue.load_upscaler("fast")
-    wanted, statistics = [(2, 2), (0, 1)], SkipStatistics()
-    got, share = upscale_views(network, fallback, render_views(), wanted, (5, 5), skip=True, statistics=statistics)
-    want, expected_share = upscale_views(network, fallback, render_views(), wanted, (5, 5), skip=False)
+    wanted, statistics, views = [(2, 2), (0, 1)], SkipStatistics(), render_views(round(1.8 * network.radius))
+    got, share = upscale_views(network, fallback, views, wanted, (5, 5), skip=True, statistics=statistics)
+    want, expected_share = upscale_views(network, fallback, views, wanted, (5, 5), skip=False)
     np.testing.assert_array_equal(got, want)
     assert share == expected_share
     assert statistics.uniform > 0

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from ciir.errors import InvalidImage
 from ciir.models.light_field.finishing import CONFIDENT, UNCERTAIN
+from ciir.models.light_field.planes import Range
 from ciir.models.light_field.views import list_required_views, upscale_views
 from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
 
@@ -21,8 +22,8 @@ class Repeating:
     def __init__(self, uncertainty=0.3):
         self.calls, self.uncertainty = [], uncertainty
 
-    def __call__(self, image, around, rows, cols, *, cores=None):
-        self.calls.append((image, around, rows, cols))
+    def __call__(self, image, around, rows, cols, disparities, *, cores=None):
+        self.calls.append((image, around, rows, cols, disparities))
         return image.repeat(2, axis=2).repeat(2, axis=3), np.full_like(image[:, :1], self.uncertainty)
 
 
@@ -68,10 +69,10 @@ def test_results_come_in_the_order_of_wanted(data, grid, channels, dtype):
 def test_the_network_gets_the_luma_of_the_window_row_by_row():
     views, network = make_light_field((6, 7)), Repeating()
     upscale_views(network, fallback, views, [(0, 3)], (6, 7))
-    ((image, around, rows, cols),) = network.calls
+    ((image, around, rows, cols, _),) = network.calls
     np.testing.assert_allclose(image[0], views[0, 3].transpose(2, 0, 1) / 255, atol=1e-7)
-    np.testing.assert_array_equal(rows, [1, 0.5, 0.5, 0.5, 0.5])
-    np.testing.assert_array_equal(cols, [0.5, 0.5, 1, 0.5, 0.5])
+    np.testing.assert_array_equal(rows.present, [1, 0.5, 0.5, 0.5, 0.5])
+    np.testing.assert_array_equal(cols.present, [0.5, 0.5, 1, 0.5, 0.5])
     for slot, (v, u) in enumerate((v, u) for v in select_axis(0, 6).views for u in select_axis(3, 7).views):
         wanted = views[v, u] @ np.array([0.299, 0.587, 0.114]) / 255
         np.testing.assert_allclose(around[0, slot], wanted, atol=1e-6)  # float32
@@ -83,6 +84,16 @@ def test_views_with_the_same_rows_and_columns_present_share_a_batch():
     upscale_views(network, fallback, make_light_field((7, 7)), wanted, (7, 7))
     assert len(network.calls) == WINDOW_SIDE * WINDOW_SIDE
     assert max(len(call[0]) for call in network.calls) == 9
+
+
+def test_the_network_gets_the_range_that_is_measured_or_given(monkeypatch):
+    ranges = {(0, 0): Range(-0.5, 0.25), (2, 2): Range(0.0, 1.0)}
+    monkeypatch.setattr("ciir.models.light_field.views.measure_range", lambda _, view, *more: ranges[view])
+    views, network = make_light_field((3, 3)), Repeating()
+    upscale_views(network, fallback, views, list(ranges), (3, 3))
+    assert [call[4] for call in network.calls] == list(ranges.values())
+    upscale_views(network, fallback, views, list(ranges), (3, 3), disparities=Range(-0.7, 0.1))
+    assert [call[4] for call in network.calls[2:]] == [(-0.7, 0.1)] * 2
 
 
 @pytest.mark.parametrize(
@@ -113,7 +124,7 @@ def test_large_views_are_upscaled_in_tiles(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("uncertainty", "expected_share"), [(0.5, 0), (CONFIDENT + 0.25 * (UNCERTAIN - CONFIDENT), 0), (0.9, 1)]
+    ("uncertainty", "expected_share"), [(0.5, 0), (CONFIDENT + 0.25 * (UNCERTAIN - CONFIDENT), 0), (1.1, 1)]
 )
 def test_the_fallback_is_used_where_confidence_is_low(uncertainty, expected_share):
     views = make_light_field((3, 3))
@@ -134,7 +145,7 @@ def test_skip_applies_to_the_fallback_too(monkeypatch):
     monkeypatch.setattr("ciir.models.light_field.views.upscale_pixels", record)
     views = make_light_field((3, 3), (9, 8, 3))
     for skip in (True, False):
-        upscale_views(Repeating(0.9), fallback, views, [(1, 1)], (3, 3), skip=skip)
+        upscale_views(Repeating(1.1), fallback, views, [(1, 1)], (3, 3), skip=skip)
     assert given == [True, False]
 
 
@@ -147,9 +158,9 @@ class RepeatingOnThreeCores(Repeating):
         super().__init__()
         self.cores = []
 
-    def __call__(self, image, around, rows, cols, *, cores=None):
+    def __call__(self, image, around, rows, cols, disparities, *, cores=None):
         self.cores.append(cores)
-        return super().__call__(image, around, rows, cols, cores=cores)
+        return super().__call__(image, around, rows, cols, disparities, cores=cores)
 
 
 def test_many_batches_run_in_parallel_and_few_get_all_cores():
@@ -165,10 +176,10 @@ def test_many_batches_run_in_parallel_and_few_get_all_cores():
 
 def test_an_error_in_one_of_many_batches_is_raised():
     class Broken(RepeatingOnThreeCores):
-        def __call__(self, image, around, rows, cols, *, cores=None):
-            if rows[0] == cols[0] == 1:
+        def __call__(self, image, around, rows, cols, disparities, *, cores=None):
+            if rows.present[0] == cols.present[0] == 1:
                 raise InvalidImage("the corner")
-            return super().__call__(image, around, rows, cols, cores=cores)
+            return super().__call__(image, around, rows, cols, disparities, cores=cores)
 
     views = make_light_field((7, 7))
     with pytest.raises(InvalidImage, match="the corner"):
@@ -178,10 +189,10 @@ def test_an_error_in_one_of_many_batches_is_raised():
 class UncertainWhereBright(Repeating):
     """Uncertain where the view's own luma is high, so that uncertainty varies with view and position."""
 
-    def __call__(self, image, around, rows, cols, *, cores=None):
-        large, uncertainty = super().__call__(image, around, rows, cols, cores=cores)
-        own = rows.argmax() * WINDOW_SIDE + cols.argmax()
-        return large, uncertainty * 0 + (around[:, own : own + 1] > 0.6)
+    def __call__(self, image, around, rows, cols, disparities, *, cores=None):
+        large, uncertainty = super().__call__(image, around, rows, cols, disparities, cores=cores)
+        own = rows.present.argmax() * WINDOW_SIDE + cols.present.argmax()
+        return large, uncertainty * 0 + 1.2 * (around[:, own : own + 1] > 0.6)
 
 
 @pytest.mark.parametrize("tile_pixels", [100, 65536])
@@ -209,7 +220,7 @@ def test_views_are_shifted_by_their_whole_disparity_first(shift, view):
     views = {(v, u): np.roll(picture, (shift * (v - 2), shift * (u - 2)), (0, 1)) for v in range(5) for u in range(5)}
     network = Repeating()
     upscale_views(network, fallback, views, [view], (5, 5))
-    around = next(around for _, around, _, _ in network.calls if np.ptp(around[0, :, 52, 56]) == 0)
+    around = next(around for _, around, *_ in network.calls if np.ptp(around[0, :, 52, 56]) == 0)
     inner = around[0][:, 30:-30, 30:-30]
     np.testing.assert_array_equal(inner, np.broadcast_to(inner[12], inner.shape))
 
@@ -219,8 +230,8 @@ class ShowingDifferences(Repeating):
 
     radius = 4
 
-    def __call__(self, image, around, rows, cols, *, cores=None):
-        large, uncertainty = super().__call__(image, around, rows, cols, cores=cores)
+    def __call__(self, image, around, rows, cols, disparities, *, cores=None):
+        large, uncertainty = super().__call__(image, around, rows, cols, disparities, cores=cores)
         differs = np.ptp(around, axis=1, keepdims=True) > 0
         return large * 0 + differs.repeat(2, axis=2).repeat(2, axis=3), uncertainty
 

@@ -81,7 +81,7 @@ def test_the_lane_of_elemental_images(options, expected):
     ("options", "side", "expected"),
     [
         ({"model": "quality", "skip": "none"}, 3900, "large"),
-        ({"model": "quality"}, 500, "small"),
+        ({"model": "quality"}, 450, "small"),
         ({"model": "quality"}, 600, "large"),
         ({}, 600, "small"),
         ({}, 1000, "large"),

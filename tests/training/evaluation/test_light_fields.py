@@ -48,8 +48,8 @@ class Repeat(LightFieldNetwork):
     def __init__(self):
         self.windows = []
 
-    def __call__(self, image, around, rows, cols, *, cores=None):
-        self.windows.append((around, rows, cols))
+    def __call__(self, image, around, rows, cols, disparities, *, cores=None):
+        self.windows.append((around, rows.present, cols.present))
         return image.repeat(2, axis=2).repeat(2, axis=3), np.zeros_like(image[:, :1])
 
 

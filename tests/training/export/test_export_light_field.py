@@ -14,6 +14,7 @@ from PIL import Image
 
 from ciir.models import cards
 from ciir.models.light_field.network import LightFieldNetwork
+from ciir.models.light_field.planes import describe_window
 from ciir.models.light_field.windows import select_axis
 from ciir.models.sessions import open_session
 from ciir.training.data.downscale import KINDS
@@ -58,7 +59,8 @@ def exported(checkpoint, views, tmp_path_factory):
 def test_the_card(exported, views):
     card = cards.read_card(exported)
     assert card.is_light_field
-    assert [tensor.name for tensor in card.extra_inputs] == ["around", "rows", "cols"]
+    assert card.planes == 8
+    assert [tensor.name for tensor in card.extra_inputs] == ["around", "down", "across", "window"]
     assert (card.name, card.scale, card.radius, card.training.iterations) == ("near", 2, 5 + 2 + 1 + 1 + 1 + 1, 7)
     assert card.protocol == light_fields.PROTOCOL
     network = LightFieldNetwork(exported)
@@ -75,7 +77,8 @@ def test_the_file_equals_torch(exported, checkpoint, place):
     inputs = examples.make_examples(network, 2, 13, 21, place=place)
     with torch.no_grad():
         wanted, uncertainty = network.forward_with_uncertainty(*inputs)
-    made, found = LightFieldNetwork(exported)(*(part.numpy() for part in inputs))
+    image, around = (part.numpy() for part in inputs[:2])
+    made, found = LightFieldNetwork(exported)(image, around, *(select_axis(*at) for at in place), examples.EXAMPLE)
     np.testing.assert_allclose(made, wanted.clamp(0, 1).numpy(), atol=1e-5)  # float32's rounding, in another order
     np.testing.assert_allclose(found, uncertainty.numpy(), atol=1e-5)
 
@@ -84,10 +87,9 @@ def test_an_export_that_differs_in_one_window_is_refused(exported, checkpoint):
     """Wrong only at the lower border of a grid of three rows, which is one of the windows."""
 
     class Off(LightFieldGenerator):
-        def forward_with_uncertainty(self, image, around, rows, cols):
-            rows = rows.clone()
-            rows[0] *= 1 - rows[2].floor() * (rows[4] == 0)
-            return super().forward_with_uncertainty(image, around, rows, cols)
+        def forward_with_uncertainty(self, image, around, down, across, window):
+            is_lower_border = (window[0] == 1) * (window[1] == 0)
+            return super().forward_with_uncertainty(image, around, down * (1 + 0.1 * is_lower_border), across, window)
 
     network = simplify_network(load_network(checkpoints.read_checkpoint(checkpoint)))
     weights = exported.with_suffix(".onnx").read_bytes()
@@ -118,9 +120,10 @@ def test_a_view_alone_is_the_same_to_the_bit_as_among_others(exported):
     network = exported.with_suffix(".onnx").read_bytes()
     random = np.random.default_rng(5)
     image, around = (random.random((3, planes, 45, 38), dtype=np.float32) for planes in (3, 25))
-    rows, cols = select_axis(0, 5).present, select_axis(3, 5).present
-    several = open_session(network, 1).run(None, {"image": image, "around": around, "rows": rows, "cols": cols})
-    one = {"image": image[:1], "around": around[:1], "rows": rows, "cols": cols}
+    down, across, description = describe_window(select_axis(0, 5), select_axis(3, 5), examples.EXAMPLE, 8)
+    window = {"down": down, "across": across, "window": description}
+    several = open_session(network, 1).run(None, {"image": image, "around": around} | window)
+    one = {"image": image[:1], "around": around[:1]} | window
     for threads in (1, 2, 4):
         for alone, among in zip(open_session(network, threads).run(None, one), several, strict=True):
             np.testing.assert_array_equal(alone[0], among[0])
@@ -145,10 +148,10 @@ def test_int8(checkpoint, exported, views, tmp_path, monkeypatch):
     assert card.parameters == twin.parameters
     assert card.training.recipe["int8"] == {"calibrate": [views.as_posix()], "float_layers": []}
     for ours, theirs in zip(card.accuracy, twin.accuracy, strict=True):
-        assert ours.psnr == pytest.approx(theirs.psnr, abs=0.1)
+        assert ours.psnr == pytest.approx(theirs.psnr, abs=0.2)
     random = np.random.default_rng(2)
     image, around = (random.random((1, planes, 20, 30), dtype=np.float32) for planes in (3, 25))
-    inputs = (image, around, select_axis(0, 5).present, select_axis(3, 5).present)
+    inputs = (image, around, select_axis(0, 5), select_axis(3, 5), examples.EXAMPLE)
     (made, uncertainty), (wanted, exact) = (
         LightFieldNetwork(card, emulates_int8=True)(*inputs) for card in (path, exported)
     )

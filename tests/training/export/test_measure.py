@@ -5,13 +5,13 @@ import torch
 from torch import nn
 
 from ciir.models.cards import Sizes
+from ciir.models.light_field.planes import REACH
 from ciir.training.export import inputs as examples
 from ciir.training.export import measure
 from ciir.training.networks import LiteGenerator, make_network
 from ciir.training.networks.collapsible import collapse
 from ciir.training.networks.interpolation import separate
 from ciir.training.networks.light_field import LightFieldGenerator
-from ciir.training.networks.plane_sweep import REACH
 
 
 def test_radius_and_cost_of_the_papers_generator():
@@ -79,8 +79,8 @@ def test_radius_and_cost_of_a_light_field_network():
 
 @pytest.mark.parametrize("place", examples.WINDOWS)
 def test_the_radius_of_a_light_field_network_is_exact(place):
-    """The outputs of the middle pixel against every pixel beyond the radius, and against those at its end. Views next
-    to the one that is upscaled are shifted by half as much, so that less is seen of a window that has only those.
+    """The outputs of the middle pixel against every pixel beyond the radius, and against those at its end: of a window
+    in which all views are near, the filters of the examples' disparities reach less far.
     """
     torch.manual_seed(2)
     network = collapse(LightFieldGenerator(widths=(8, 16, 8), width=16, depth=1)).double()
@@ -92,11 +92,12 @@ def test_the_radius_of_a_light_field_network_is_exact(place):
     far = torch.maximum((rows - middle).abs(), (cols - middle).abs())
 
     def change(where):
-        changed = [torch.where(where, 1 - part, part) if part.ndim == 4 else part for part in inputs]
+        changed = [*(torch.where(where, 1 - part, part) for part in inputs[:2]), *inputs[2:]]
         with torch.no_grad():
             difference = (network(*changed) - network(*inputs)).abs()
         return difference[..., 2 * middle : 2 * middle + 2, 2 * middle : 2 * middle + 2].max()
 
     assert change(far > radius) == 0
-    nearest = REACH // 2 if place == examples.WINDOWS[2] else 0
-    assert change(far == radius - nearest) > 0
+    used = inputs[2].shape[-1] // 2
+    assert (used == REACH) == (place == examples.WINDOWS[1])
+    assert change(far == radius - REACH + used) > 0

@@ -8,6 +8,8 @@ import torch
 from PIL import Image
 from torch import nn
 
+from ciir.models.light_field.planes import describe_window
+from ciir.models.light_field.windows import select_axis
 from ciir.training.data.downscale import KINDS, Pair
 from ciir.training.data.light_field.layered_scenes import LUMA
 from ciir.training.data.light_field.views import degrade_views
@@ -16,16 +18,21 @@ from ciir.training.loop import light_field_validation
 
 @pytest.mark.parametrize(("grid", "at"), [((5, 5), (2, 2)), ((7, 3), (0, 2)), ((3, 6), (1, 4))])
 def test_a_window_holds_the_views_around(grid, at):
-    """Row by row, the nearest 5 of the grid; where it has fewer the view itself, marked by a 0."""
+    """Row by row, the nearest 5 of the grid; where it has fewer the view itself, which no filter takes."""
     low = np.random.default_rng(0).integers(0, 256, (*grid, 6, 8, 3), np.uint8)
-    image, around, rows, cols = light_field_validation.make_inputs(low, *at)
-    assert (image.shape, around.shape, rows.shape, cols.shape) == ((1, 3, 6, 8), (1, 25, 6, 8), (5,), (5,))
+    image, around, down, across, window = light_field_validation.make_inputs(low, *at, 7)
+    assert (image.shape, around.shape) == ((1, 3, 6, 8), (1, 25, 6, 8))
+    assert down.shape == across.shape == (7, 3, 5, 11)
+    axes = [select_axis(*place) for place in zip(at, grid, strict=True)]
+    wanted = describe_window(*axes, light_field_validation.DISPARITIES, 7)
+    for found, part in zip((down, across, window), wanted, strict=True):
+        np.testing.assert_array_equal(found, part)
     np.testing.assert_allclose(image[0].permute(1, 2, 0) * 255, low[at], atol=1e-4)
     for slot, luma in enumerate(around[0]):
         place = []
-        for number, of, own, present in zip(divmod(slot, 5), grid, at, (rows, cols), strict=True):
+        for number, of, own, filters in zip(divmod(slot, 5), grid, at, (down, across), strict=True):
             seen = max(0, min(own - 2, of - 5)) + number
-            assert present[number] == (0 if seen >= of else 1 if seen == own else 0.5)
+            assert bool(filters[:, :, number].any()) == (seen < of)
             place.append(seen if seen < of else own)
         seen = low[tuple(place)]
         np.testing.assert_allclose(luma * 255, seen @ np.array(LUMA), atol=1e-3)  # float32 of numbers up to 255
@@ -46,13 +53,16 @@ def test_the_middle_views_are_degraded_in_each_way(tmp_path):
 class Nearest(nn.Module):
     """Each pixel of the view four times, and `error` levels more in one of the four."""
 
+    planes = 4
+
     def __init__(self, error):
         super().__init__()
         self.error = nn.Parameter(torch.tensor(float(error)))
 
-    def forward(self, image, around, rows, cols):
+    def forward(self, image, around, down, across, window):
         assert not self.training
-        assert torch.equal(rows, cols)
+        assert len(down) == self.planes
+        assert torch.equal(down, across)
         made = image.repeat_interleave(2, 2).repeat_interleave(2, 3)
         made[..., ::2, ::2] += self.error / 255
         return made

@@ -32,6 +32,37 @@ def test_learning_rate(recipe):
     assert rates[100] == pytest.approx(0.0)
 
 
+def test_the_learning_rate_falls_by_the_clock(recipe):
+    """By the steps where these are further, and after the warm-up, which is of steps."""
+    recipe = replace(recipe, steps=100, minutes=2.0, warmup=10, learning_rate=1.0)
+    assert trainer.learning_rate(recipe, 4, 100.0) == pytest.approx(0.5)
+    assert trainer.learning_rate(recipe, 10, 0.0) == 1.0
+    assert trainer.learning_rate(recipe, 20, 60.0) == pytest.approx(0.5)
+    assert trainer.learning_rate(recipe, 55, 30.0) == pytest.approx(0.5)
+    assert trainer.learning_rate(recipe, 20, 120.0) == trainer.learning_rate(recipe, 20, 130.0) == pytest.approx(0.0)
+
+
+def test_the_end_of_a_run(recipe):
+    run = Run(replace(recipe, steps=5, minutes=2.0))
+    assert not run.is_done
+    run.seconds = 119.0
+    assert not run.is_done
+    run.seconds = 120.0
+    assert run.is_done
+    run.step, run.seconds = 5, 0.0
+    assert run.is_done
+    forever = Run(replace(recipe, steps=5))
+    forever.seconds = 1e9
+    assert not forever.is_done
+
+
+def test_an_update_takes_the_rate_of_its_time(recipe):
+    run = Run(replace(recipe, steps=100, warmup=0, minutes=1.0, learning_rate=1.0))
+    run.seconds = 30.0
+    run.update(torch.rand(2, 3, 12, 12), torch.rand(2, 3, 24, 24))
+    assert run.optimiser.param_groups[0]["lr"] == pytest.approx(0.5)
+
+
 def test_the_running_mean(recipe):
     network, average = torch.nn.BatchNorm1d(2), torch.nn.BatchNorm1d(2)
     with torch.no_grad():

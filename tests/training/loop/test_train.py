@@ -14,13 +14,13 @@ from ciir.service.cli.main import main
 from ciir.service.cli.parser import parse_arguments
 from ciir.training.data.crops import Crops
 from ciir.training.data.light_field.crops import LightFieldCrops
-from ciir.training.data.light_field.layered_scenes import TEXTURE
+from ciir.training.data.light_field.textures import TEXTURE
 from ciir.training.loop import logs, train
 from ciir.training.loop.interrupt import Stopped
 from ciir.training.recipe import Recipe
 
 STEPS = 5
-SMALL_FIELD = {"network": "light_field", "options": {"widths": [8, 8], "width": 8, "depth": 1}}
+SMALL_FIELD = {"network": "light_field", "options": {"widths": [8, 8], "width": 8, "depth": 1, "planes": 5}}
 GAN = {"perceptual": "discriminator", "perceptual_weight": 0.1, "adversarial": "bce", "bfloat16": True, "ema": 0.9}
 
 
@@ -148,6 +148,50 @@ def test_a_killed_run_on_light_fields_continues_bit_for_bit(recipe, tmp_path, mo
     assert load(tmp_path / "b" / "checkpoint.pt")["step"] == 4
     found = load(train.train(recipe, tmp_path / "b"))
     assert_same(found | {"seconds": 0}, wanted | {"seconds": 0})
+
+
+class Clock:
+    """A second for each batch, and none for anything else."""
+
+    def __init__(self, monkeypatch):
+        self.now = 1000.0
+        draw = Crops.make_batch
+
+        def make_batch(crops, step):
+            self.now += 1.0
+            return draw(crops, step)
+
+        monkeypatch.setattr(Crops, "make_batch", make_batch)
+        monkeypatch.setattr(train.time, "monotonic", lambda: self.now)
+
+
+def test_a_run_of_minutes_ends_by_the_clock(recipe, tmp_path, monkeypatch):
+    """With a last validation and a step size near zero, though many steps are left."""
+    Clock(monkeypatch)
+    recipe = replace(recipe, steps=1000, minutes=0.1, warmup=0, validate_every=4)
+    checkpoint = train.train(recipe, tmp_path)
+    state = load(checkpoint)
+    assert (state["step"], state["seconds"]) == (6, 6.0)
+    log = rows(tmp_path)
+    assert [int(row["step"]) for row in log] == [4, 6]
+    rates = [0.5e-3 * (1 + np.cos(np.pi * seconds / 6)) for seconds in (4, 6)]
+    assert [float(row["learning_rate"]) for row in log] == pytest.approx(rates, abs=1e-9)
+    before = checkpoint.read_bytes()
+    assert train.train(recipe, tmp_path) == checkpoint
+    assert checkpoint.read_bytes() == before
+
+
+def test_a_run_of_minutes_goes_on_with_the_time_that_is_left(recipe, tmp_path, monkeypatch):
+    clock = Clock(monkeypatch)
+    recipe = replace(recipe, steps=1000, minutes=0.1, warmup=0, validate_every=100)
+    with monkeypatch.context() as patch:
+        at_step(patch, 2, lambda: signal.raise_signal(signal.SIGINT))
+        with pytest.raises(Stopped, match="step 3 of 1000"):
+            train.train(recipe, tmp_path)
+    assert load(tmp_path / "checkpoint.pt")["seconds"] == 3.0
+    clock.now += 5000.0  # between the runs
+    assert load(train.train(recipe, tmp_path))["step"] == 6
+    assert [int(row["step"]) for row in rows(tmp_path)] == [6]
 
 
 def test_a_gradient_that_is_not_a_number_replaces_no_checkpoint(recipe, tmp_path, monkeypatch):

@@ -19,7 +19,7 @@ def test_mse():
 
 def test_names():
     assert pixel.find_pixel_loss("mse") is pixel.mse
-    with pytest.raises(ValueError, match="loss: 'l2' is not known; give one of l1, mse, luma"):
+    with pytest.raises(ValueError, match="loss: 'l2' is not known; give one of l1, mse, luma, squared-luma"):
         pixel.find_pixel_loss("l2")
 
 
@@ -30,3 +30,9 @@ def test_weights_of_luma():
     blue = black.clone()
     blue[:, 2] = 0.2
     assert pixel.luma(blue, black).item() == pytest.approx(0.2 * (0.3 / 3 + 0.7 * 0.114))
+
+
+def test_squares_of_luma():
+    black = torch.zeros(1, 3, 4, 5)
+    expected = 0.2 + pixel.SQUARES * 0.2**2
+    assert pixel.squared_luma(black + 0.2, black).item() == pytest.approx(expected)

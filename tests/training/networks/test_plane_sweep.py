@@ -6,48 +6,32 @@ pytest.importorskip("torch", reason="needs the training extra")
 import numpy as np
 import torch
 
-from ciir.models.light_field.windows import select_axis
+from ciir.models.light_field.planes import CLOSE, NEAR, PHASE, REACH, Range, describe_window, place_planes
+from ciir.models.light_field.view_filters import make_filters
+from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
 from ciir.models.single.interpolation import Bicubic
-from ciir.training.networks.plane_sweep import (
-    BLOCK,
-    CLOSE,
-    LEAST,
-    NEAR,
-    PHASE,
-    PLANES,
-    REACH,
-    SIDE,
-    SINGLE,
-    SURE,
-    PlaneSweep,
-    count_sides,
-)
-from ciir.training.networks.view_filters import make_filters
+from ciir.training.networks.plane_sweep import BLOCK, LEAST, SINGLE, SURE, PlaneSweep
 
 PLACES = [(4, 9), (0, 9), (8, 9), (3, 5), (1, 3), (0, 2), (0, 1)]
-THERE = [select_axis(*at).present for at in PLACES]
-DISPARITIES = [*(-disparity for disparity in PLANES[::-1]), 0.0, *PLANES]
+AXES = [select_axis(*at) for at in PLACES]
+RANGE = Range(-1.25, 1.0)
+DISPARITIES = place_planes(RANGE, 10).tolist()
 TAPS = np.arange(-REACH, REACH + 1)
-WHOLE = THERE[0]
 
 
-@pytest.fixture(scope="module")
-def sweep():
-    return PlaneSweep()
+def run(views, rows, cols):
+    window = describe_window(rows, cols, RANGE, len(DISPARITIES))
+    return PlaneSweep()(views, *(torch.from_numpy(of.copy()) for of in (window.down, window.across)))
 
 
-def run(sweep, views, rows, cols):
-    return sweep(views, torch.from_numpy(rows), torch.from_numpy(cols))
-
-
-def axis_of(present):
+def axis_of(axis):
     """The filters of each plane `(planes, 2, views, taps)`, and weights in the deviation `(planes, views, taps)`."""
-    used = np.flatnonzero(present)
-    offsets = used - int(present.argmax())
-    filters = np.zeros((len(DISPARITIES), 2, SIDE, len(TAPS)))
+    used = np.flatnonzero(axis.present)
+    offsets = used - int(axis.present.argmax())
+    filters = np.zeros((len(DISPARITIES), 2, WINDOW_SIDE, len(TAPS)))
     widths = np.gradient(np.array(DISPARITIES))
     filters[:, :, used] = make_filters(np.array(DISPARITIES), widths, offsets, TAPS, reach=NEAR, phase=PHASE)
-    weights = np.zeros((len(DISPARITIES), SIDE, len(TAPS)))
+    weights = np.zeros((len(DISPARITIES), WINDOW_SIDE, len(TAPS)))
     for plane, disparity in enumerate(DISPARITIES):
         for view, offset in zip(used, offsets, strict=True):
             weights[plane, view] = [max(0.0, 1 - abs(tap - disparity * offset) / CLOSE) for tap in TAPS]
@@ -62,7 +46,7 @@ def slow_sweep(views, rows, cols):
     spread = np.zeros((len(DISPARITIES), height, width))
     for y, x in np.ndindex(height, width):
         at = np.clip(y + TAPS, 0, height - 1)[:, None], np.clip(x + TAPS, 0, width - 1)
-        samples = views[:, *at].reshape(SIDE, SIDE, len(TAPS), len(TAPS))
+        samples = views[:, *at].reshape(WINDOW_SIDE, WINDOW_SIDE, len(TAPS), len(TAPS))
         fine[..., y, x] = np.einsum("vust,pavs,pbut->pab", samples, down, across, optimize=True)
         for plane in range(len(DISPARITIES)):
             weight = np.einsum("vs,ut->vust", near_down[plane], near_across[plane])
@@ -76,19 +60,14 @@ def slow_sweep(views, rows, cols):
 @pytest.mark.parametrize(
     ("rows", "cols", "height"), [(0, 1, 3), (3, 2, BLOCK + 1), (4, 5, BLOCK), (6, 0, 2 * BLOCK + 5)]
 )
-def test_the_sweep_is_the_slow_one(sweep, rows, cols, height):
-    views = torch.rand(2, SIDE * SIDE, height, 4, generator=torch.Generator().manual_seed(1))
-    fine, spread = run(sweep, views, THERE[rows], THERE[cols])
+def test_the_sweep_is_the_slow_one(rows, cols, height):
+    views = torch.rand(2, WINDOW_SIDE**2, height, 4, generator=torch.Generator().manual_seed(1))
+    fine, spread = run(views, AXES[rows], AXES[cols])
     for one in range(2):
-        wanted = slow_sweep(views[one].double().numpy(), THERE[rows], THERE[cols])
+        wanted = slow_sweep(views[one].double().numpy(), AXES[rows], AXES[cols])
         np.testing.assert_allclose(fine[one].numpy(), wanted[0], atol=1e-5)
         # The root of what is left of two squares of about 0.3: their float32 steps, over the smallest spread here.
         np.testing.assert_allclose(spread[one].numpy(), wanted[1], atol=1e-4)
-
-
-def test_views_before_and_after():
-    found = [tuple(int(side) for side in count_sides(torch.from_numpy(present))) for present in THERE]
-    assert found == [(2, 2), (0, 4), (4, 0), (3, 1), (1, 1), (0, 1), (0, 0)]
 
 
 def draw_views(disparity, own, side=32):
@@ -103,23 +82,23 @@ def draw_views(disparity, own, side=32):
         return 0.5 + 0.03 * sum((show(a, y)[:, None] * show(b, x) * np.exp(1j * c)).real for a, b, c in waves)
 
     at = np.arange(side, dtype=float)
-    views = [see(at - disparity * (v - own[0]), at - disparity * (u - own[1]), 1) for v, u in np.ndindex(SIDE, SIDE)]
+    places = np.ndindex(WINDOW_SIDE, WINDOW_SIDE)
+    views = [see(at - disparity * (v - own[0]), at - disparity * (u - own[1]), 1) for v, u in places]
     fine = (np.arange(2 * side) - 0.5) / 2
     return torch.from_numpy(np.stack(views))[None].float(), see(fine, fine, 0.5)
 
 
 @pytest.mark.parametrize("own", [(2, 2), (0, 4), (1, 2)])
-@pytest.mark.parametrize("disparity", [-1.15, -0.4, 0.0, 0.25, 0.6, 1.55])
-def test_views_of_a_plane_agree_at_its_disparity_and_make_a_finer_picture(sweep, own, disparity):
+@pytest.mark.parametrize("disparity", [-1.25, -0.5, 0.0, 0.25, 0.75])
+def test_views_of_a_plane_agree_at_its_disparity_and_make_a_finer_picture(own, disparity):
     views, truth = draw_views(disparity, own)
-    rows, cols = (select_axis(at, SIDE).present for at in own)
-    fine, spread = run(sweep, views, rows, cols)
+    fine, spread = run(views, *(select_axis(at, WINDOW_SIDE) for at in own))
     inner = slice(12, 20)
     right = DISPARITIES.index(disparity)
     deviations = spread[0, :, inner, inner].mean((1, 2))
     assert int(deviations.argmin()) == right
     made = torch.nn.functional.pixel_shuffle(fine[0, right][None], 2)[0, 0].numpy()
-    middle = views[:, own[0] * SIDE + own[1]].numpy()
+    middle = views[:, own[0] * WINDOW_SIDE + own[1]].numpy()
     bicubic = Bicubic(2)(np.repeat(middle[:, None], 3, axis=1))[0, 0]
     inner = slice(24, 40)
     error, interpolated = (np.sqrt(np.mean((of - truth)[inner, inner] ** 2)) for of in (made, bicubic))
@@ -128,22 +107,32 @@ def test_views_of_a_plane_agree_at_its_disparity_and_make_a_finer_picture(sweep,
 
 
 @pytest.mark.parametrize(("rows", "cols"), [((1, 3), (0, 4)), ((2, 3), (2, 5))])
-def test_absent_views_are_ignored(sweep, rows, cols):
-    rows, cols = select_axis(*rows).present, select_axis(*cols).present
-    views = torch.rand(1, SIDE, SIDE, 9, 7, generator=torch.Generator().manual_seed(3))
+def test_absent_views_are_ignored(rows, cols):
+    rows, cols = select_axis(*rows), select_axis(*cols)
+    views = torch.rand(1, WINDOW_SIDE, WINDOW_SIDE, 9, 7, generator=torch.Generator().manual_seed(3))
     other = views.clone()
-    absent = ~(torch.from_numpy(rows > 0)[:, None] & torch.from_numpy(cols > 0))
+    absent = ~(torch.from_numpy(rows.present > 0)[:, None] & torch.from_numpy(cols.present > 0))
     other[:, absent] = 0.7
     assert absent.any()
-    one, same = (run(sweep, each.flatten(1, 2), rows, cols) for each in (views, other))
+    one, same = (run(each.flatten(1, 2), rows, cols) for each in (views, other))
     assert all(torch.equal(a, b) for a, b in zip(one, same, strict=True))
     other[:, 0, 1] = 0.1  # is present
-    changed = run(sweep, other.flatten(1, 2), rows, cols)
+    changed = run(other.flatten(1, 2), rows, cols)
     assert not any(torch.equal(a, b) for a, b in zip(one, changed, strict=True))
 
 
-def test_a_flat_picture_has_no_deviation_and_stays_flat(sweep):
-    for present in THERE:
-        fine, spread = run(sweep, torch.full((1, SIDE * SIDE, 6, 6), 0.3), present, WHOLE)
+def test_filters_without_their_outer_zeros_give_the_same():
+    views = torch.rand(2, WINDOW_SIDE**2, 15, 9, generator=torch.Generator().manual_seed(4))
+    whole = describe_window(select_axis(1, 3), select_axis(0, 3), Range(-0.25, 0.5), 6)
+    short = whole.trim()
+    assert short.down.shape[-1] == short.across.shape[-1] < whole.down.shape[-1]
+    found, wanted = (PlaneSweep()(views, *(torch.from_numpy(of.copy()) for of in each[:2])) for each in (short, whole))
+    for part, same in zip(found, wanted, strict=True):
+        torch.testing.assert_close(part, same, atol=1e-5, rtol=0)
+
+
+def test_a_flat_picture_has_no_deviation_and_stays_flat():
+    for axis in AXES:
+        fine, spread = run(torch.full((1, WINDOW_SIDE**2, 6, 6), 0.3), axis, AXES[0])
         torch.testing.assert_close(fine, torch.full_like(fine, 0.3), atol=1e-5, rtol=0)
         assert spread.max() < 2 * SINGLE

@@ -8,7 +8,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from ciir.models.light_field.windows import WINDOW_SIDE
-from ciir.training.data.corrupt import compress_jpeg
+from ciir.training.data.light_field import grey_jpeg
 from ciir.training.data.light_field.layered_scenes import LUMA
 
 MISMATCHED = 0.04
@@ -32,19 +32,20 @@ def differ(
     """Changes some of the crops: `image` `(N, 3, H, W)`, and `around`, the luma of its window `(N, 25, H, W)`, which it
     is in at row and column `own`. `ease`: factor on the shares, up to 1.
     """
-    number = own[0] * WINDOW_SIDE + own[1]
+    number, device = own[0] * WINDOW_SIDE + own[1], image.device
+    noise = torch.Generator(device).manual_seed(int(random.integers(2**62)))
 
     def share(of: float) -> Tensor:
-        return torch.from_numpy(random.random(len(image)) < of * ease)[:, None, None, None]
+        return torch.from_numpy(random.random(len(image)) < of * ease)[:, None, None, None].to(device)
 
     def uniform(low: float, high: float, *shape: int) -> Tensor:
-        return torch.from_numpy(random.uniform(low, high, shape).astype(np.float32))
+        return torch.from_numpy(random.uniform(low, high, shape).astype(np.float32)).to(device)
 
     def normal(like: Tensor) -> Tensor:
-        return torch.from_numpy(random.standard_normal(like.shape, np.float32))
+        return torch.randn(like.shape, generator=noise, device=device)
 
     around = torch.where(share(MISMATCHED), around.roll(1, 0), around)
-    offsets = torch.cartesian_prod(*(torch.arange(WINDOW_SIDE) - at for at in own)).float()  # (25, 2)
+    offsets = torch.cartesian_prod(*(torch.arange(WINDOW_SIDE) - at for at in own)).float().to(device)  # (25, 2)
     often, step, apart = BRIGHTNESS
     slopes = uniform(-step, step, len(image), 2)
     factors = 1 + slopes @ offsets.T + apart * normal(around[:, :, 0, 0])
@@ -61,9 +62,14 @@ def differ(
     around[:, number] = before[:, 0]
     of_arrays, of_views, lowest = JPEG
     kinds = random.random(len(image))
-    for crop in np.flatnonzero(kinds < (of_arrays + of_views) * ease):
-        is_array = bool(kinds[crop] < of_arrays * ease)
-        around[crop] = _compress(around[crop], int(random.integers(lowest, 96)), is_array=is_array)
+    for is_array, chosen in (
+        (True, np.flatnonzero(kinds < of_arrays * ease)),
+        (False, np.flatnonzero((kinds >= of_arrays * ease) & (kinds < (of_arrays + of_views) * ease))),
+    ):
+        if len(chosen):
+            crops = torch.from_numpy(chosen).to(device)
+            qualities = torch.from_numpy(random.integers(lowest, 96, len(chosen))).to(device)
+            around[crops] = _compress(around[crops], qualities, is_array=is_array)
     image = (image + around[:, number : number + 1] - before).clamp(0, 1)
     around[:, number] = compute_luma(image)[:, 0]
     return image, around
@@ -81,13 +87,11 @@ def _blur(around: Tensor, weight: Tensor) -> Tensor:
     return (1 - 2 * weight) * across[..., 1:-1, :] + weight * (across[..., :-2, :] + across[..., 2:, :])
 
 
-def _compress(views: Tensor, quality: int, *, is_array: bool) -> Tensor:
-    """Views `(25, H, W)` as one JPEG of their elemental images, or side by side."""
-    height, width = views.shape[1:]
-    grid = views.reshape(WINDOW_SIDE, WINDOW_SIDE, height, width)
-    order = (2, 0, 3, 1) if is_array else (0, 2, 1, 3)
+def _compress(views: Tensor, qualities: Tensor, *, is_array: bool) -> Tensor:
+    """Views `(N, 25, H, W)` as a JPEG of their elemental images, or side by side, of a quality for each window."""
+    grid = views.reshape(-1, WINDOW_SIDE, WINDOW_SIDE, *views.shape[2:])
+    order = (0, 3, 1, 4, 2) if is_array else (0, 1, 3, 2, 4)
     joined = grid.permute(order)
-    shape = joined.shape
-    levels = joined.reshape(shape[0] * shape[1], -1).mul(255).round().byte().numpy()
-    back = torch.from_numpy(compress_jpeg(levels, quality)).float().div(255).reshape(shape)
-    return back.permute(*np.argsort(order).tolist()).reshape(views.shape)
+    levels = joined.flatten(3, 4).flatten(1, 2).mul(255).round()
+    back = grey_jpeg.compress(levels, qualities).div(255).reshape(joined.shape)
+    return back.permute(*np.argsort(order).tolist()).flatten(1, 2)

@@ -6,30 +6,28 @@ Layered scenes (`layered_scenes`) are made during the run, views of solids and m
 
 from __future__ import annotations
 
-import sys
 import threading
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
-from tqdm import tqdm
 
-from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
-from ciir.renderer.scene import Scene
+from ciir.models.light_field.planes import Range, describe_window
+from ciir.models.light_field.windows import WINDOW_SIDE, View, select_axis
 from ciir.training.data import downscale
 from ciir.training.data.crops import RENDERED, check_degradations
-from ciir.training.data.light_field import layered_scenes
+from ciir.training.data.light_field import layered_scenes, rendered_fields
 from ciir.training.data.light_field.camera_differences import differ
-from ciir.training.data.pictures import MEMORY, Pictures
-from ciir.training.data.solids import make_solids
+from ciir.training.data.light_field.degrade import degrade
+from ciir.training.data.light_field.textures import Textures
+from ciir.training.data.pictures import Pictures
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from ciir.training.data.mesh_views import MeshLightField
-    from ciir.training.data.pictures import Picture
+    from numpy.typing import NDArray
 
 STEPS_PER_BLOCK = 9
 """Steps that share scenes, with different places, rotations and degradations."""
@@ -37,14 +35,18 @@ KEPT_BLOCKS = 3
 """Blocks of steps whose scenes are kept: enough for `2 * STEPS_PER_BLOCK + 1` steps that are prefetched."""
 MARGIN = 12
 """LR pixels by which scenes are larger than crops."""
-OWN = ((2, 0.45), (1, 0.3), (0, 0.25))
-"""Row or column in the window of the view to be upscaled, and the share of such windows; the others are mirrored."""
+RANGE = (0.2, 3.0)
+"""Width of the range of disparities of a block's scenes, LR pixels from view to view, evenly in the logarithm."""
+FARTHEST = 2.0
+"""Largest disparity, LR pixels: 4 of the truth's pixels."""
+NEAR_ZERO = 0.4
+"""How far the middle of a narrow range is from zero, at most."""
+LOOSE = 0.25
+"""How much wider than that of the scenes the range is that the network is given, at most, at each end."""
+ALIKE = 6
+"""Rendered light fields of similar ranges that a batch's crops are from."""
 SMALL_GRIDS = 0.25
 """Share of windows that are cut to the 3x3 views around, or as many as are there."""
-SOLID_FIELDS, EXTENT = 5, 96
-"""Solids in a rendered scene, at most, and their extent before they are framed: texels are drawn by it."""
-View = tuple[int, int]
-"""Row and column of a view in its window."""
 
 
 class Inputs(NamedTuple):
@@ -52,12 +54,36 @@ class Inputs(NamedTuple):
 
     image: Tensor
     around: Tensor
-    rows: Tensor
-    cols: Tensor
+    down: Tensor
+    across: Tensor
+    window: Tensor
+
+
+class _Batch(NamedTuple):
+    """Crops of light fields whose windows are alike."""
+
+    own: View
+    disparities: Range
+    image: Tensor
+    """The view in colour, `(N, 3, h, w)` in [0, 1]."""
+    around: Tensor
+    """Luma of its window, `(N, 25, h, w)`."""
+    high: Tensor
+    """`(N, 3, 2*h, 2*w)`."""
+
+
+class _Block(NamedTuple):
+    """The scenes of some steps, 8 bit, `layered_scenes.FINE` times as fine as LR."""
+
+    own: View
+    disparities: Range
+    views: Tensor
+    colours: Tensor
 
 
 class LightFieldCrops:
-    """Random crops of light fields with their truth. The batch of step `s` depends only on the seed and `s`."""
+    """Random crops of light fields with their truth. The batch of step `s` depends only on the seed, the device and
+    `s`."""
 
     def __init__(
         self,
@@ -68,17 +94,19 @@ class LightFieldCrops:
         batch: int,
         seed: int,
         degradations: Mapping[str, float],
+        planes: int,
         meshes: Sequence[str | Path] = (),
         scenes: int = 0,
         eased: int = 0,
-        memory: int = MEMORY,
+        device: torch.device | None = None,
     ) -> None:
-        """`folder`: pictures for the textures of layers; those smaller than `layered_scenes.TEXTURE` are skipped.
+        """`folder`: pictures for the textures of layers; those smaller than `textures.TEXTURE` are skipped.
 
         `crop`: HR side in pixels. `degradations`: kind -> weight, of `training.data.downscale.KINDS`, and with `meshes`
-        (files) or `scenes` random scenes of solids, of `training.data.crops.RENDERED`. `eased`: steps over which
-        windows of small grids and changed crops reach their shares: with them from the start the network does not
-        learn to use the other views.
+        (files) or `scenes` random scenes of solids, of `training.data.crops.RENDERED`. `planes`: how many the network
+        tries. `eased`: steps over which windows of small grids and changed crops reach their shares: with them from
+        the start the network does not learn to use the other views. `device`: where scenes and batches are made, by
+        default the CPU.
 
         Raises `ValueError` where one of these is wrong.
         """
@@ -87,116 +115,103 @@ class LightFieldCrops:
         known = (*downscale.KINDS, *RENDERED) if meshes or scenes else downscale.KINDS
         check_degradations(crop, scale, degradations, known)
         self.side, self.batch, self.seed = crop // scale, batch, seed
-        self.eased = eased
-        self.pictures = _LargePictures(Pictures(folder, memory=memory))
+        self.planes, self.eased = planes, eased
+        self.device = device or torch.device("cpu")
+        self.textures = Textures(Pictures(folder, memory=0), self.device)
         self.kinds = list(degradations)
         weights = np.array(list(degradations.values()), float)
         self.shares = weights / weights.sum()
-        self.meshes = _render_fields(meshes, scenes, self.pictures, seed, self.side)
+        made = rendered_fields.render_fields(meshes, scenes, self.textures, seed, self.side)
+        self.rendered = [field.to(self.device) for field in made]
         self._lock = threading.Lock()
-        self._blocks: dict[int, tuple[View, Tensor, Tensor]] = {}
+        self._blocks: dict[int, _Block] = {}
 
     def make_batch(self, step: int) -> tuple[Inputs, Tensor]:
         """The inputs, `batch` crops of LR side `crop/scale`, and their truth `(batch, 3, crop, crop)` in [0, 1]."""
         random = np.random.default_rng((self.seed, step))
-        rendered = [kind for kind in self.kinds if kind in RENDERED]
-        share = sum(self.shares[self.kinds.index(kind)] for kind in rendered)
+        share = sum(share for kind, share in zip(self.kinds, self.shares, strict=True) if kind in RENDERED)
         ease = min(1.0, step / self.eased) if self.eased else 1.0
-        if random.random() < share:
-            own, (image, around, high) = self._crop_meshes(random)
-        else:
-            own, (image, around, high) = self._crop_scenes(random, step)
-        image, around = differ(random, image, around, own, ease)
-        return _augment(random, image, around, high, own, is_small=bool(random.random() < SMALL_GRIDS * ease))
+        made = self._crop_rendered(random) if random.random() < share else self._crop_scenes(random, step)
+        image, around = differ(random, made.image, made.around, made.own, ease)
+        (low, high), (below, above) = made.disparities, random.uniform(0, LOOSE, 2)
+        made = made._replace(image=image, around=around, disparities=Range(low - below, high + above).round_outwards())
+        return _augment(random, made, self.planes, is_small=bool(random.random() < SMALL_GRIDS * ease))
 
-    def _crop_scenes(self, random: np.random.Generator, step: int) -> tuple[View, tuple[Tensor, Tensor, Tensor]]:
-        own, views, colours = self._made(step // STEPS_PER_BLOCK)
-        kinds = [kind for kind in self.kinds if kind not in RENDERED]
+    def _draw_kinds(self, random: np.random.Generator, *, rendered: bool) -> NDArray[np.str_]:
+        """The kind of each crop of a batch."""
+        kinds = [kind for kind in self.kinds if (kind in RENDERED) == rendered]
         shares = np.array([self.shares[self.kinds.index(kind)] for kind in kinds])
-        crops = []
-        for scene in range(self.batch):
-            y, x = (layered_scenes.FINE * int(random.integers(MARGIN + 1)) for _ in range(2))
-            extent = layered_scenes.FINE * self.side
-            part = (slice(None), slice(y, y + extent), slice(x, x + extent))
-            kind = kinds[int(random.choice(len(kinds), p=shares / shares.sum()))]
-            around, _ = _degrade(kind, views[scene][part])
-            image, high = _degrade(kind, colours[scene][part])
-            crops.append((image, around, high))
-        image, around, high = (torch.stack(each).float().div(255) for each in zip(*crops, strict=True))
-        return own, (image, around, high)
+        return random.choice(np.array(kinds), self.batch, p=shares / shares.sum())
 
-    def _crop_meshes(self, random: np.random.Generator) -> tuple[View, tuple[Tensor, Tensor, Tensor]]:
-        rendered = [kind for kind in self.kinds if kind in RENDERED]
-        shares = np.array([self.shares[self.kinds.index(kind)] for kind in rendered])
+    def _crop_scenes(self, random: np.random.Generator, step: int) -> _Batch:
+        block = self._made(step // STEPS_PER_BLOCK)
+        extent = layered_scenes.FINE * self.side
+        places = layered_scenes.FINE * random.integers(0, MARGIN + 1, (self.batch, 2))
+        views, colours = (
+            torch.stack([scene[:, y : y + extent, x : x + extent] for scene, (y, x) in zip(of, places, strict=True)])
+            for of in (block.views, block.colours)
+        )
+        kinds = self._draw_kinds(random, rendered=False)
+        image, around, high = (
+            torch.empty((self.batch, channels, side, side), device=self.device)
+            for channels, side in ((3, self.side), (WINDOW_SIDE**2, self.side), (3, 2 * self.side))
+        )
+        for kind in np.unique(kinds):
+            some = torch.from_numpy(np.flatnonzero(kinds == kind)).to(self.device)
+            around[some] = degrade(kind, views[some])[0].float().div(255)
+            image[some], high[some] = (part.float().div(255) for part in degrade(kind, colours[some]))
+        return _Batch(block.own, block.disparities, image, around, high)
+
+    def _crop_rendered(self, random: np.random.Generator) -> _Batch:
+        first = self.rendered[int(random.integers(len(self.rendered)))]
+        alike = [field for field in self.rendered if field.own == first.own]
+        alike.sort(key=lambda field: sum(abs(a - b) for a, b in zip(field.disparities, first.disparities, strict=True)))
+        alike = alike[:ALIKE]
+        low, high = min(field.disparities.lowest for field in alike), max(field.disparities.highest for field in alike)
         crops = []
-        own = self.meshes[int(random.integers(len(self.meshes)))].own
-        fields = [field for field in self.meshes if field.own == own]
-        for _ in range(self.batch):
-            kind = rendered[int(random.choice(len(rendered), p=shares / shares.sum()))]
-            field = fields[int(random.integers(len(fields)))]
+        for kind in self._draw_kinds(random, rendered=True):
+            field = alike[int(random.integers(len(alike)))]
             y, x = (int(random.integers(length - self.side + 1)) for length in field.views[kind].shape[1:])
             rows, cols = slice(y, y + self.side), slice(x, x + self.side)
-            high = field.high[:, 2 * y : 2 * (y + self.side), 2 * x : 2 * (x + self.side)]
-            crops.append((field.colours[kind][:, rows, cols], field.views[kind][:, rows, cols], high))
-        image, around, high = (torch.stack(each).float().div(255) for each in zip(*crops, strict=True))
-        return own, (image, around, high)
+            truth = field.high[:, 2 * y : 2 * (y + self.side), 2 * x : 2 * (x + self.side)]
+            crops.append((field.colours[kind][:, rows, cols], field.views[kind][:, rows, cols], truth))
+        parts = (torch.stack(each).float().div(255) for each in zip(*crops, strict=True))
+        return _Batch(first.own, Range(low, high), *parts)
 
-    def _made(self, block: int) -> tuple[View, Tensor, Tensor]:
-        """Returns the scenes of a block of steps, 8 bit. The last blocks are kept, as threads may ask in any order."""
+    def _made(self, block: int) -> _Block:
+        """The scenes of a block of steps. The last blocks are kept, as threads may ask in any order."""
         with self._lock:
             if block not in self._blocks:
                 random = np.random.default_rng((self.seed, block, 1))
-                own = _draw_own(random)
+                own, disparities = rendered_fields.draw_own(random), _draw_range(random)
                 made = layered_scenes.make_scenes(
-                    random, self.pictures, self.batch, side=self.side + MARGIN, window=WINDOW_SIDE, own=own
+                    random,
+                    self.textures,
+                    self.batch,
+                    side=self.side + MARGIN,
+                    window=WINDOW_SIDE,
+                    own=own,
+                    disparities=disparities,
                 )
                 views, colours = (part.clamp(0, 1).mul(255).round().byte() for part in made)
                 last = sorted(self._blocks)[1 - KEPT_BLOCKS :]
-                self._blocks = {**{number: self._blocks[number] for number in last}, block: (own, views, colours)}
+                kept = {number: self._blocks[number] for number in last}
+                self._blocks = {**kept, block: _Block(own, disparities, views, colours)}
             return self._blocks[block]
 
 
-class _LargePictures:
-    """The pictures that are large enough for the texture of a layer."""
-
-    def __init__(self, pictures: Pictures) -> None:
-        self._pictures = pictures
-        self._large = [number for number, size in enumerate(pictures.sizes) if min(size) >= layered_scenes.TEXTURE]
-        if not self._large:
-            raise ValueError(
-                f"train: no picture is as large as {layered_scenes.TEXTURE}x{layered_scenes.TEXTURE}; name others"
-            )
-
-    def __len__(self) -> int:
-        return len(self._large)
-
-    def __getitem__(self, index: int) -> Picture:
-        return self._pictures[self._large[index]]
+def _draw_range(random: np.random.Generator) -> Range:
+    """Draws a range of disparities: narrow ones are near zero, as captured views are close together."""
+    width = float(np.exp(random.uniform(*np.log(RANGE))))
+    middle = random.uniform(-1, 1) * min(FARTHEST - width / 2, NEAR_ZERO + width / 2)
+    return Range(middle - width / 2, middle + width / 2)
 
 
-def _draw_own(random: np.random.Generator) -> View:
-    """Draws the row and the column in the window of the view to be upscaled, by the shares of `OWN`."""
-    places, shares = zip(*OWN, strict=True)
-    row, col = (int(random.choice(places, p=shares)) for _ in range(2))
-    return row, col
-
-
-def _degrade(kind: str, fine: Tensor) -> tuple[Tensor, Tensor]:
-    """LR and HR, 8 bit `(C, h, w)`, of what was sampled `layered_scenes.FINE` times as finely as LR, `(C, H, W)`."""
-    picture = fine.permute(1, 2, 0).numpy()
-    if kind != "point":
-        picture = downscale.downscale_picture("box", picture, layered_scenes.FINE // 2).low
-    low, high = (torch.from_numpy(part).permute(2, 0, 1) for part in downscale.downscale_picture(kind, picture, 2))
-    return low, high
-
-
-def _augment(
-    random: np.random.Generator, image: Tensor, around: Tensor, high: Tensor, own: View, *, is_small: bool
-) -> tuple[Inputs, Tensor]:
+def _augment(random: np.random.Generator, made: _Batch, planes: int, *, is_small: bool) -> tuple[Inputs, Tensor]:
     """Flips all crops of a batch vertically, horizontally and along the diagonal, each half of the time, and cuts
-    windows of a small grid.
+    windows of a small grid. Disparities stay the same.
     """
-    row, col = own
+    (row, col), disparities, image, around, high = made
     last = WINDOW_SIDE - 1
     around = around.reshape(-1, WINDOW_SIDE, WINDOW_SIDE, *around.shape[2:])
     if random.random() < 0.5:
@@ -214,45 +229,6 @@ def _augment(
         rows, cols = select_axis(row - top, 3), select_axis(col - left, 3)
     else:
         rows, cols = select_axis(row, WINDOW_SIDE), select_axis(col, WINDOW_SIDE)
-    present = (torch.from_numpy(axis.present) for axis in (rows, cols))
-    return Inputs(image.contiguous(), around.flatten(1, 2).contiguous(), *present), high.contiguous()
-
-
-def _render_fields(
-    meshes: Sequence[str | Path], scenes: int, pictures: _LargePictures, seed: int, side: int
-) -> list[MeshLightField]:
-    """Renders light fields of mesh files and of `scenes` random scenes of solids that have at least `side` LR pixels:
-    see `mesh_views.render_window`.
-
-    Raises `ValueError` where none is as large.
-    """
-    if not meshes and not scenes:
-        return []
-    from ciir.training.data import mesh_views
-
-    largest = mesh_views.LENSES[-1]
-    if side > largest:
-        raise ValueError(
-            f"meshes are rendered for crops of up to {2 * largest} pixels, not {2 * side}; set a smaller one"
-        )
-    models = [mesh_views.read_mesh(path) for path in meshes for _ in range(mesh_views.PICTURES)]
-    tqdm.write(f"rendering light fields of {len(meshes)} meshes and {scenes} scenes: minutes", file=sys.stderr)
-    made = []
-    for index in tqdm(range(len(models) + scenes), disable=None, desc="rendering", unit="light field"):
-        random = np.random.default_rng((seed, index, 4))
-        mesh = models[index] if index < len(models) else _make_scene(random, pictures)
-        seen = mesh_views.render_window(mesh, seed=seed, index=index, own=_draw_own(random))
-        if min(seen.high.shape[1:]) >= 2 * side:
-            made.append(seen)
-    left_out = len(models) + scenes - len(made)
-    if left_out:
-        tqdm.write(
-            f"{left_out} of {left_out + len(made)} light fields of meshes are left out: they are smaller than the crop "
-            f"of {2 * side}x{2 * side} pixels",
-            file=sys.stderr,
-        )
-    return made
-
-
-def _make_scene(random: np.random.Generator, pictures: _LargePictures) -> Scene:
-    return Scene(tuple(make_solids(random, pictures, extent=EXTENT, count=int(random.integers(1, SOLID_FIELDS + 1)))))
+    window = describe_window(rows, cols, disparities, planes)
+    parts = (torch.from_numpy(part.copy()).to(image.device) for part in window)
+    return Inputs(image.contiguous(), around.flatten(1, 2).contiguous(), *parts), high.contiguous()

@@ -2,18 +2,20 @@
 
 The view at `offset` = (down, right) from the middle view sees a layer's point q, in LR pixels from the centre of the
 middle view, at `p = q + (disparity + slope . q) * offset`. This is linear in q, so it is inverted once for a view.
+
+Everything is computed for `N` scenes at once.
 """
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 
 if TYPE_CHECKING:
-    import numpy as np
+    from numpy.typing import NDArray
 
 CHANGE = (0.1, 3.0)
 """Change of a fold's disparity over an LR pixel, evenly in the logarithm."""
@@ -26,27 +28,36 @@ EDGE_ON = 0.02
 
 
 class AffineMap(NamedTuple):
-    """`matrix @ p + shift` for a pixel p of each view: `(V, n, 2)` and `(V, n)`."""
+    """`matrix @ p + shift` for a pixel p of each view: `(N, V, n, 2)` and `(N, V, n)`."""
 
     matrix: Tensor
     shift: Tensor
 
     def compose(self, matrix: Tensor, shift: Tensor) -> AffineMap:
-        """Returns the map followed by `matrix @ . + shift`, `(m, n)` and `(m,)`."""
-        return AffineMap(matrix @ self.matrix, self.shift @ matrix.T + shift)
+        """Returns the map followed by `matrix @ . + shift`, `(N, m, n)` and `(N, m)`."""
+        shifted = (matrix[:, None] @ self.shift[..., None])[..., 0] + shift[:, None]
+        return AffineMap(matrix[:, None] @ self.matrix, shifted)
 
     def apply(self, along: Tensor) -> Tensor:
-        """Returns the map at pixels `along` down and across, `(side,)`: `(V, side, side, n)`."""
-        down = self.matrix[:, None, :, 0] * along[:, None] + self.shift[:, None]
-        across = self.matrix[:, None, :, 1] * along[:, None]
-        return down[:, :, None] + across[:, None]
+        """Returns the map at pixels `along` down and across, `(side,)`: `(N, V, side, side, n)`."""
+        down = self.matrix[:, :, None, :, 0] * along[:, None] + self.shift[:, :, None]
+        across = self.matrix[:, :, None, :, 1] * along[:, None]
+        return down[:, :, :, None] + across[:, :, None]
+
+    def select(self, view: int) -> AffineMap:
+        """Returns the map of one view."""
+        return AffineMap(self.matrix[:, view : view + 1], self.shift[:, view : view + 1])
 
 
 def intersect_layer(offsets: Tensor, disparity: Tensor, slope: Tensor) -> AffineMap:
-    """Maps pixels of the views at `offsets` `(V, 2)` to the points q of a layer. `slope`: `(2,)`."""
-    beside = offsets[:, :, None] * slope / (1 + offsets @ slope)[:, None, None]
-    matrix = torch.eye(2, dtype=offsets.dtype) - beside  # the inverse of I + offset slope^T (Sherman and Morrison)
-    return AffineMap(matrix, -disparity * (matrix @ offsets[:, :, None])[:, :, 0])
+    """Maps pixels of the views at `offsets`, `(V, 2)` or `(N, V, 2)`, to the points q of a layer of each scene.
+    `disparity`: `(N,)`, `slope`: `(N, 2)`.
+    """
+    offsets = offsets.expand(len(slope), *offsets.shape[-2:])
+    along = (offsets @ slope[:, :, None])[..., 0]
+    beside = offsets[..., None] * slope[:, None, None] / (1 + along)[..., None, None]
+    matrix = torch.eye(2, dtype=offsets.dtype, device=offsets.device) - beside  # Sherman and Morrison
+    return AffineMap(matrix, -disparity[:, None, None] * (matrix @ offsets[..., None])[..., 0])
 
 
 class Fold(NamedTuple):
@@ -56,32 +67,42 @@ class Fold(NamedTuple):
     """
 
     normal: Tensor
-    """`(2,)`, of length 1: across the edge, towards the layer."""
-    edge: float
-    """Position of the edge along the normal, LR pixels from the centre."""
-    change: float
-    """Change of the disparity over an LR pixel."""
-    width: float
-    """Width in the middle view, LR pixels."""
+    """`(N, 2)`, of length 1: across the edge, towards the layer."""
+    edge: Tensor
+    """Position of the edge along the normal, LR pixels from the centre, `(N,)`."""
+    change: Tensor
+    """Change of the disparity over an LR pixel, `(N,)`."""
+    width: Tensor
+    """Width in the middle view, LR pixels, `(N,)`."""
 
     def coverage(self, along: Tensor, offsets: Tensor, disparity: Tensor, slope: Tensor) -> Tensor:
-        """Share of each pixel that the fold covers, `(V, side, side)` in [0, 1]. `disparity` and `slope`: the layer's.
-        `along` is as in `AffineMap.apply`, evenly spaced: a pixel's width is the distance of the first two.
+        """Share of each pixel that the fold covers, `(N, V, side, side)` in [0, 1]. `disparity` and `slope`: the
+        layer's. `along` is as in `AffineMap.apply`, evenly spaced: a pixel's width is the distance of the first two.
         """
-        slope = slope + self.change * self.normal
-        width = 1 + offsets @ slope  # of a pixel of the middle view in each view; below 0 from behind
+        slope = slope + self.change[:, None] * self.normal
+        width = 1 + slope @ offsets.T  # (N, V): of a pixel of the middle view in each view; below 0 from behind
         visible = width > EDGE_ON
         width = torch.where(visible, width, torch.ones_like(width))
-        found = intersect_layer(torch.where(visible[:, None], offsets, 0.0), disparity - self.change * self.edge, slope)
-        inwards = found.compose(self.normal[None], torch.tensor([-self.edge])).apply(along)[..., 0]
-        pixel = float(along[1] - along[0]) / width[:, None, None]
-        there = ((inwards + self.width) / pixel + 0.5).clamp(0, 1)
+        found = intersect_layer(
+            torch.where(visible[..., None], offsets, 0.0), disparity - self.change * self.edge, slope
+        )
+        inwards = found.compose(self.normal[:, None], -self.edge[:, None]).apply(along)[..., 0]
+        pixel = (along[1] - along[0]) / width[..., None, None]
+        there = ((inwards + self.width[:, None, None, None]) / pixel + 0.5).clamp(0, 1)
         # It continues for a pixel under the layer, so that there is no gap where they meet.
-        return there * (1.5 - inwards / pixel).clamp(0, 1) * visible[:, None, None]
+        return there * (1.5 - inwards / pixel).clamp(0, 1) * visible[..., None, None]
 
 
-def make_fold(random: np.random.Generator, normal: Tensor, edge: float) -> Fold:
-    """Draws a random fold along an edge: see `Fold`."""
-    low, high = CHANGE
-    change = math.exp(random.uniform(math.log(low), math.log(high))) * (1 if random.random() < 0.5 else -1)
-    return Fold(normal, edge, change, min(random.uniform(*WIDTH), MOST / abs(change)))
+def draw_log_uniform(
+    random: np.random.Generator, ends: tuple[float, float], shape: tuple[int, ...]
+) -> NDArray[np.float64]:
+    """Draws numbers between two ends, evenly in the logarithm."""
+    low, high = np.log(ends)
+    return np.exp(random.uniform(low, high, shape))
+
+
+def draw_folds(random: np.random.Generator, count: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Draws the change and the width of `count` folds: see `Fold`."""
+    change = draw_log_uniform(random, CHANGE, (count,)) * random.choice((-1, 1), count)
+    width = np.minimum(random.uniform(*WIDTH, count), MOST / np.abs(change))
+    return change.astype(np.float32), width.astype(np.float32)

@@ -186,7 +186,7 @@ export const MODELS = /** @type {Record<string, string>} */ ({
   "fast-int8": "fast-int8: the quickest",
   field: "field: uses the views around",
   "field-int8": "field-int8: quicker",
-  "field-quality": "field-quality: field in four orientations, slower",
+  "field-quality": "field-quality: larger, slower",
   "field-quality-int8": "field-quality-int8: quicker",
   gan: "gan: sharper, with invented detail",
   paper: "paper: as published",

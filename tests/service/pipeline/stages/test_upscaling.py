@@ -50,11 +50,11 @@ def test_pictures_take_the_views_around(stand_in, channels, dtype, wanted):
     for view, picture in views.items():
         assert picture.dtype == dtype
         assert np.abs(picture - upscale_as_stand_in(field, view)).max() < ROUNDED
-    field_sha256, fast_sha256 = (
+    field_sha256, quality_sha256 = (
         next(entry.card.sha256 for entry in catalogue.list_entries() if entry.name == name)
-        for name in ("field", "fast")
+        for name in ("field", "quality")
     )
-    fallback = {"name": "fast", "scale": 2, "sha256": fast_sha256}
+    fallback = {"name": "quality", "scale": 2, "sha256": quality_sha256}
     assert report["model"] == {"name": "field", "scale": 2, "sha256": field_sha256, "fallback": fallback}
     assert report["plan"]["model"] == "field"
     assert any(reason.startswith("model auto: field") for reason in report["plan"]["reasons"])
@@ -183,10 +183,12 @@ def test_the_fallback_share_is_noted(stand_in):
     eia = Bundle.from_upload("eia.png", EIA_PNG)
     _, report = run(eia, lenses=(6, 9))
     assert report["notes"] == []
-    stand_in.uncertainty = 0.9
+    stand_in.uncertainty = 1.1
     _, report = run(eia, lenses=(6, 9))
     (note,) = report["notes"]
-    assert note.startswith("100 % of the pixels were made by fast from their view alone: the views around don't match")
+    assert note.startswith(
+        "100 % of the pixels were made by quality from their view alone: the views around don't match"
+    )
 
 
 @pytest.mark.parametrize(
@@ -195,8 +197,8 @@ def test_the_fallback_share_is_noted(stand_in):
         (None, []),
         (Sampling("means", 1, 0, 0), []),
         (Sampling("means", 1, 0.5, 0), ["are brought closer to what was seen"]),
-        (Sampling("filter", 1, 0, 0), ["are means of what field and fast make of them"]),
-        (Sampling("filter", 1, 1, 0), ["are means of what field and fast make of them", "are brought closer"]),
+        (Sampling("filter", 1, 0, 0), ["are means of what field and quality make of them"]),
+        (Sampling("filter", 1, 1, 0), ["are means of what field and quality make of them", "are brought closer"]),
     ],
 )
 def test_the_report_says_what_follows_from_the_sampling(stand_in, monkeypatch, found, expected):
@@ -212,7 +214,7 @@ def test_the_report_says_what_follows_from_the_sampling(stand_in, monkeypatch, f
 def test_the_network_that_is_shipped():
     views, report = run(Bundle.from_upload("eia.png", EIA_PNG), lenses=(6, 9), views="0,0;1,2")
     assert report["plan"]["model"] == catalogue.light_field_default_name()
-    assert report["model"]["fallback"]["name"] == catalogue.default_name()
+    assert report["model"]["fallback"]["name"] == catalogue.prefer_int8("quality")
     assert views[1, 2].shape == (12, 18, 3)
     assert len(report["model"]["sha256"]) == 64
 

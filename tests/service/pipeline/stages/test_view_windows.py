@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ciir.models.light_field.disparities.ranges import estimate_tiles
 from ciir.models.light_field.windows import list_window
+from ciir.renderer.backends.embree import RaytraceBackend
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.placement import Placement
@@ -54,7 +56,27 @@ def test_a_shallow_object_has_the_whole_range():
     mesh = load_scene("vase")
     flat = mesh.transform(np.diag([1.0, 1.0, 0.0, 1.0]))
     for pixels, spacing in (((15, 15), 3.5), ((9, 15), 2.0), ((3, 3), 1.0)):
-        assert find_windows(flat, LensArray(50, 50, *pixels), Placement(place=0.0)) == ViewWindows(spacing)
+        found = find_windows(flat, LensArray(50, 50, *pixels), Placement(place=0.0))
+        assert (found.spacing, found.disparities) == (spacing, (0.0, 0.0))
+
+
+@pytest.mark.parametrize("place", [-1.0, 0.0, 1.0])
+def test_disparities_are_those_of_the_nearest_and_the_farthest_side(place):
+    """As they are measured in the views; outlines, which are rendered as steps, seem to move by more."""
+    mesh, array, placement = load_scene("globe"), LensArray(64, 64, 9, 9), Placement(place=place)
+    matrix = frame_scene(mesh, array, placement)
+    windows = find_view_windows(mesh, array, placement, matrix)
+    low, high = windows.disparities
+    near, far = mesh.transform(matrix).bounds()[::-1, 2] * array.delta / array.pitch * windows.spacing
+    assert (low, high) == pytest.approx((far, near))
+    grid, at = windows.list_grid((9, 9)), windows.find_place((4, 1))
+    views = [view for view, _ in list_window(at, grid)]
+    made = RaytraceBackend().render_views(mesh.transform(matrix), windows.refine(array), views, samples=4)
+    pictures = {view: np.ascontiguousarray(picture[..., :3]) for view, picture in zip(views, made, strict=True)}
+    tiles = np.indices((8, 8)).reshape(2, -1)
+    found = estimate_tiles(pictures, at, grid, tiles, np.zeros(64, int))
+    assert len(found) > 10
+    assert np.mean((found > low - 0.05) & (found < high + 0.05)) > 0.8
 
 
 def test_the_views_of_the_array_help_where_what_is_seen_is_not_known():

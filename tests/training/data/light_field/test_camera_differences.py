@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("torch", reason="needs the training extra")
 import torch
 
-from ciir.training.data.light_field import camera_differences
+from ciir.training.data.light_field import camera_differences, grey_jpeg
 from ciir.training.data.light_field.camera_differences import compute_luma, differ
 from ciir.training.data.light_field.layered_scenes import LUMA
 
@@ -124,15 +124,37 @@ def test_blur_differs_between_views_and_keeps_the_mean(only):
 @pytest.mark.parametrize("is_array", [False, True])
 def test_jpeg_of_views_and_of_elemental_images(is_array):
     """A change of one view reaches the others only where the pixels of a lens are next to each other."""
-    views = torch.from_numpy(np.random.default_rng(1).uniform(0.3, 0.7, (25, 16, 24))).float()
-    other = views.clone()
-    other[7] = 1 - other[7]
-    one, two = (camera_differences._compress(each, 70, is_array=is_array) for each in (views, other))
+    views = torch.from_numpy(np.random.default_rng(1).uniform(0.3, 0.7, (2, 25, 16, 24))).float()
+    other, qualities = views.clone(), torch.tensor([70, 95])
+    other[0, 7] = 1 - other[0, 7]
+    one, two = (camera_differences._compress(each, qualities, is_array=is_array) for each in (views, other))
     assert one.shape == views.shape
-    assert 0.001 < (one - views).abs().mean() < 0.06
-    changed = (one != two).flatten(1).any(1)
-    assert changed[7]
-    assert int(changed.sum()) == (25 if is_array else 1)
+    assert 0.001 < (one - views)[1].abs().mean() < (one - views)[0].abs().mean() < 0.06
+    changed = (one != two).flatten(2).any(2)
+    assert changed[0, 7]
+    assert changed.sum(1).tolist() == [25 if is_array else 1, 0]
+
+
+@pytest.mark.parametrize("is_array", [False, True])
+def test_jpeg_is_of_the_whole_array(is_array):
+    """Against the picture that the array is, row by row in loops, compressed by itself."""
+    height, width = 6, 10
+    views = torch.from_numpy(np.random.default_rng(2).integers(0, 256, (1, 25, height, width))).float()
+    array = torch.zeros(5 * height, 5 * width)
+    for view in range(25):
+        v, u = divmod(view, 5)
+        part = (
+            (slice(v, None, 5), slice(u, None, 5))
+            if is_array
+            else (slice(v * height, (v + 1) * height), slice(u * width, (u + 1) * width))
+        )
+        array[part] = views[0, view]
+    (wanted,) = grey_jpeg.compress(array[None], torch.tensor([60]))
+    (found,) = camera_differences._compress(views / 255, torch.tensor([60]), is_array=is_array) * 255
+    for view in range(25):
+        v, u = divmod(view, 5)
+        part = wanted[v::5, u::5] if is_array else wanted[v * height :, u * width :][:height, :width]
+        torch.testing.assert_close(found[view], part, atol=1e-3, rtol=0)
 
 
 def test_shares_of_jpeg(only):

@@ -10,19 +10,24 @@ pytest.importorskip("torch", reason="needs the training extra")
 import torch
 from PIL import Image
 
-from ciir.models.light_field.windows import select_axis
+from ciir.models.light_field.planes import LEAST, STEP, Range, describe_window, place_planes
+from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
 from ciir.training.data import mesh_views
 from ciir.training.data.downscale import KINDS
 from ciir.training.data.light_field import camera_differences, layered_scenes
 from ciir.training.data.light_field import crops as data
-from ciir.training.data.light_field.crops import OWN, STEPS_PER_BLOCK, LightFieldCrops
-from ciir.training.data.light_field.layered_scenes import LUMA
+from ciir.training.data.light_field.crops import STEPS_PER_BLOCK, LightFieldCrops
+from ciir.training.data.light_field.layered_scenes import FINE, LUMA
+from ciir.training.data.light_field.textures import Textures
+from ciir.training.data.pictures import Pictures
 from ciir.training.loop.prefetch import prefetch_batches
-from ciir.training.networks.plane_sweep import PLANES, SIDE, PlaneSweep
+from ciir.training.networks.plane_sweep import PlaneSweep
 from tests.training import degradations
 
-DISPARITY = 0.85
-RIGHT = len(PLANES) + 1 + PLANES.index(DISPARITY)
+DISPARITY = 1.0
+RANGE = Range(-1.0, 1.25)
+PLANES = 10
+RIGHT = place_planes(RANGE, PLANES).tolist().index(DISPARITY)
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
 
@@ -46,7 +51,7 @@ def flat(monkeypatch):
     monkeypatch.setattr(
         layered_scenes,
         "_draw_disparities",
-        lambda _, count, side: (torch.full((count, 1), DISPARITY), torch.zeros(count, 1, 2)),
+        lambda random, count, side, disparities: (np.full((count, 1), DISPARITY), np.zeros((count, 1, 2))),
     )
 
 
@@ -57,9 +62,8 @@ def clean(monkeypatch):
 
 
 def crops_of(folder, **given):
-    return LightFieldCrops(
-        folder, **{"crop": 32, "scale": 2, "batch": 3, "seed": 1, "degradations": {"box": 1}} | given
-    )
+    usual = {"crop": 32, "scale": 2, "batch": 3, "seed": 1, "degradations": {"box": 1}, "planes": PLANES}
+    return LightFieldCrops(folder, **usual | given)
 
 
 def luma(image):
@@ -70,15 +74,16 @@ def same(one, other):
     return all(torch.equal(a, b) for a, b in zip((*one[0], one[1]), (*other[0], other[1]), strict=True))
 
 
-def planes(around, rows, cols):
+def find_planes(inputs):
     """The plane about which the views of each light field differ least."""
-    _, spread = PlaneSweep()(around, rows, cols)
+    _, spread = PlaneSweep()(inputs.around, inputs.down, inputs.across)
     return spread[:, :, 5:-5, 5:-5].mean((2, 3)).argmin(1).tolist()
 
 
-def get_own(around, rows, cols):
-    """The luma of the view itself."""
-    return around[:, int(rows.argmax()) * SIDE + int(cols.argmax())]
+def get_own(inputs):
+    """The luma of the view itself: as many views are before it as the window says."""
+    row, col = (int(2 * number) for number in inputs.window[[0, 2]])
+    return inputs.around[:, row * WINDOW_SIDE + col]
 
 
 def seeded():
@@ -109,41 +114,45 @@ def test_a_batch_depends_only_on_seed_and_step(folder):
     assert not same(crops_of(folder, seed=2).make_batch(20), wanted)
 
 
-def make_parts(own):
-    """Two scenes of a flat layer: `image`, `around` and `high`."""
-    picture = np.asarray(torch.rand(16, 16, 3, generator=torch.Generator().manual_seed(0)))
-    picture = np.asarray(Image.fromarray((picture * 255).astype(np.uint8)).resize((layered_scenes.TEXTURE,) * 2))
-    views, colours = layered_scenes.make_scenes(seeded(), [picture], 2, side=24, window=SIDE, own=own)
-    return degradations.box(colours, 4), degradations.box(views, 4), degradations.box(colours, 2)
+@pytest.fixture
+def made(folder, flat):
+    """Makes crops of two scenes of a flat layer, of which `own` is the view's place in the window."""
+    textures = Textures(Pictures(folder), torch.device("cpu"))
+
+    def make(own):
+        views, colours = layered_scenes.make_scenes(
+            seeded(), textures, 2, side=24, window=WINDOW_SIDE, own=own, disparities=RANGE
+        )
+        image, around = (degradations.box(of, FINE) for of in (colours, views))
+        return data._Batch(own, RANGE, image, around, degradations.box(colours, 2))
+
+    return make
 
 
 @pytest.mark.parametrize("turns", list(itertools.product((0.0, 0.9), repeat=3)))
-def test_all_parts_are_flipped_in_the_same_way(flat, turns):
+def test_all_parts_are_flipped_in_the_same_way(made, turns):
     """The sweep finds the layer at its disparity, and the view itself is where rows and columns say."""
-    own = (1, 4)
-    image, around, high = make_parts(own)
-    (image, around, rows, cols), high = data._augment(Drawn(*turns), image, around, high, own, is_small=False)
-    assert planes(around, rows, cols) == [RIGHT] * 2
-    torch.testing.assert_close(luma(image), get_own(around, rows, cols), atol=1 / 255, rtol=0)
-    torch.testing.assert_close(degradations.box(high, 2), image, atol=1.01 / 255, rtol=0)  # each is rounded to 8 bits
+    inputs, high = data._augment(Drawn(*turns), made((1, 4)), PLANES, is_small=False)
+    assert find_planes(inputs) == [RIGHT] * 2
+    torch.testing.assert_close(luma(inputs.image), get_own(inputs), atol=1.01 / 255, rtol=0)  # each is rounded
+    torch.testing.assert_close(degradations.box(high, 2), inputs.image, atol=1.01 / 255, rtol=0)
     down, right, swapped = (turn < 0.5 for turn in turns)
     places = [3 if down else 1, 0 if right else 4]
-    wanted = [select_axis(at, SIDE).present.tolist() for at in (places[::-1] if swapped else places)]
-    assert [rows.tolist(), cols.tolist()] == wanted
+    axes = [select_axis(at, WINDOW_SIDE) for at in (places[::-1] if swapped else places)]
+    for found, wanted in zip(inputs[2:], describe_window(*axes, RANGE, PLANES), strict=True):
+        np.testing.assert_array_equal(found, wanted)
 
 
 @pytest.mark.parametrize("own", [(0, 4), (1, 2), (2, 0)])
 @pytest.mark.parametrize("shifts", [(0, 0), (1, 2), (2, 1)])
-def test_windows_of_small_grids_are_views_around(flat, own, shifts):
+def test_windows_of_small_grids_are_views_around(made, own, shifts):
     """3x3 views, with the view itself in them; nothing else is left."""
-    image, around, high = make_parts(own)
-    drawn = Drawn(0.9, 0.9, 0.9, *shifts)
-    (_, small, rows, cols), _ = data._augment(drawn, image, around, high, own, is_small=True)
-    for present in (rows, cols):
-        assert present.tolist() in [select_axis(at, 3).present.tolist() for at in range(3)]
-    assert planes(small, rows, cols) == [RIGHT] * 2
-    assert torch.equal(get_own(small, rows, cols), around[:, own[0] * SIDE + own[1]])
-    grid = small.unflatten(1, (SIDE, SIDE))
+    whole = made(own)
+    small, _ = data._augment(Drawn(0.9, 0.9, 0.9, *shifts), whole, PLANES, is_small=True)
+    assert small.window[:2].sum() == small.window[2:4].sum() == 1  # of halves: two views beside it
+    assert find_planes(small) == [RIGHT] * 2
+    assert torch.equal(get_own(small), whole.around[:, own[0] * WINDOW_SIDE + own[1]])
+    grid = small.around.unflatten(1, (WINDOW_SIDE, WINDOW_SIDE))
     assert not grid[:, 3:].any()
     assert not grid[:, :, 3:].any()
     assert grid[:, :3, :3].flatten(3).any(3).all()
@@ -166,11 +175,11 @@ def test_low_is_the_degraded_truth_after_augmentation(folder, clean, kind):
 def test_views_around_are_degraded_in_phase_with_the_view(folder):
     crops = crops_of(folder, degradations=dict.fromkeys(KINDS, 1))
     for step in range(6):
-        own, (image, around, _) = crops._crop_scenes(np.random.default_rng(step), step)
+        own, _, image, around, _ = crops._crop_scenes(np.random.default_rng(step), step)
         # Both are rounded to 8 bits three times on their way, half a level each, and the bicubic kernel's weights
         # add up to 1.5 without their signs. Where it overshoots colours are cut off one by one.
         whole = ((image > 0) & (image < 1)).all(1)
-        assert (around[:, own[0] * SIDE + own[1]] - luma(image))[whole].abs().max() < 4.1 / 255
+        assert (around[:, own[0] * WINDOW_SIDE + own[1]] - luma(image))[whole].abs().max() < 4.1 / 255
 
 
 def test_the_view_in_its_window_is_the_luma_of_the_changed_view(folder, monkeypatch):
@@ -179,8 +188,8 @@ def test_the_view_in_its_window_is_the_luma_of_the_changed_view(folder, monkeypa
     monkeypatch.setattr(camera_differences, "JPEG", (0.3, 0.3, 50))
     crops = crops_of(folder)
     for step in range(8):
-        (image, around, rows, cols), _ = crops.make_batch(step)
-        torch.testing.assert_close(get_own(around, rows, cols), luma(image), atol=1e-6, rtol=0)
+        inputs, _ = crops.make_batch(step)
+        torch.testing.assert_close(get_own(inputs), luma(inputs.image), atol=1e-6, rtol=0)
 
 
 def test_views_differ_more_and_more(folder, monkeypatch):
@@ -200,19 +209,38 @@ def test_views_differ_more_and_more(folder, monkeypatch):
 
 def test_windows_of_small_grids_reach_their_share_gradually(folder):
     crops = crops_of(folder, eased=60)
-    whole = [all(part.all() for part in crops.make_batch(step)[0][2:]) for step in range(60)]
+    whole = [float(crops.make_batch(step)[0].window[:4].sum()) == 4 for step in range(60)]  # 4 views beside it, twice
     assert all(whole[:3])
     assert sum(whole[:20]) > sum(whole[40:])
 
 
-def test_the_view_is_anywhere_in_its_window():
-    """Near the middle more often; the other half of the places comes by flips."""
+def test_ranges_of_scenes():
+    """From narrow to wide; narrow ones are near zero."""
     random = seeded()
-    drawn = Counter(data._draw_own(random) for _ in range(4000))
-    assert set(drawn) == set(itertools.product(range(3), repeat=2))
-    shares = dict(OWN)
-    for (row, col), number in drawn.items():
-        assert number / 4000 == pytest.approx(shares[row] * shares[col], abs=0.025)
+    drawn = np.array([data._draw_range(random) for _ in range(4000)])
+    width, middle = drawn[:, 1] - drawn[:, 0], drawn.mean(1)
+    assert data.RANGE[0] <= width.min() <= width.max() <= data.RANGE[1]
+    assert (width < np.sqrt(np.prod(data.RANGE))).mean() == pytest.approx(0.5, abs=0.03)  # evenly in the logarithm
+    assert np.abs(drawn).max() <= data.FARTHEST
+    narrow = np.abs(middle[width < 0.4])
+    assert 0.4 < narrow.max() <= data.NEAR_ZERO + 0.2
+    assert np.abs(middle).max() > 0.8
+
+
+def test_planes_span_the_range_of_the_scenes(folder, clean, monkeypatch):
+    """The scenes' own range and up to a quarter more at each end, in eighths of a pixel."""
+    monkeypatch.setattr(data, "_draw_range", lambda random: Range(-0.3, 1.1))
+    crops, windows = crops_of(folder), []
+    for step in range(12):
+        inputs, _ = crops.make_batch(step)
+        windows.append(inputs.window[4:].tolist())
+        assert inputs.down.shape == inputs.across.shape == (PLANES, 3, WINDOW_SIDE, 11)
+    low, high = np.array(windows).T
+    assert (low % STEP == 0).all()
+    assert (high % STEP == 0).all()
+    assert -0.3 - data.LOOSE - STEP < low.min() < low.max() <= -0.3
+    assert 1.1 <= high.min() < high.max() < 1.1 + data.LOOSE + STEP
+    assert high.max() - low.min() > LEAST * (PLANES - 1)
 
 
 def test_threads_make_the_same_batches_and_each_scene_once(folder, monkeypatch):
@@ -243,8 +271,9 @@ def check_rendered(crops):
     """Truth, view and window show the same in batches of rendered light fields."""
     shown = 0
     for step in range(8):
-        (image, around, rows, cols), high = crops.make_batch(step)
-        torch.testing.assert_close(get_own(around, rows, cols), luma(image), atol=0.51 / 255, rtol=0)  # it is rounded
+        inputs, high = crops.make_batch(step)
+        image, around = inputs.image, inputs.around
+        torch.testing.assert_close(get_own(inputs), luma(image), atol=0.51 / 255, rtol=0)  # it is rounded
         mean, shifted = degradations.box(high, 2), degradations.box(high.roll(2, 3), 2)
         if (around.flatten(1).std(1) > 0.02).all():
             shown += 1
@@ -255,17 +284,38 @@ def check_rendered(crops):
 def test_light_fields_crop_meshes(folder, mesh, clean, monkeypatch, capsys):
     monkeypatch.setattr(mesh_views, "PICTURES", 2)
     crops = crops_of(folder, meshes=[mesh], degradations={"lenslet": 1}, crop=64)
-    assert [tuple(field.high.shape) for field in crops.meshes] == [(3, 96, 96), (3, 192, 192)]
+    assert [tuple(field.high.shape) for field in crops.rendered] == [(3, 96, 96), (3, 192, 192)]
     assert "left out" not in capsys.readouterr().err
     check_rendered(crops)
 
 
 def test_light_fields_of_solids(folder, clean):
     crops = crops_of(folder, scenes=3, degradations={"lenslet": 1}, crop=64)
-    assert len({field.high.numpy().tobytes() for field in crops.meshes}) == 3
+    assert len({field.high.numpy().tobytes() for field in crops.rendered}) == 3
     check_rendered(crops)
     again = crops_of(folder, scenes=3, degradations={"lenslet": 1}, crop=64)
     assert same(crops.make_batch(2), again.make_batch(2))
+
+
+def test_a_batch_of_rendered_light_fields_is_of_similar_ranges(folder, clean, monkeypatch):
+    """And its planes span those of all that it may be of."""
+    monkeypatch.setattr(data, "ALIKE", 2)
+    monkeypatch.setattr(data, "LOOSE", 0.0)
+    crops = crops_of(folder, scenes=1, degradations={"pinhole": 1}, batch=16)
+    (field,) = crops.rendered
+    ranges = [Range(-0.5, 0.0), Range(-0.75, -0.25), Range(-2.0, -1.0), Range(-1.75, -1.25)]
+    crops.rendered = []
+    for level, disparities in enumerate(ranges):
+        views = {"pinhole": torch.full_like(field.views["pinhole"], 40 * level)}
+        crops.rendered.append(field._replace(views=views, disparities=disparities))
+    seen = set()
+    for step in range(8):
+        inputs, _ = crops.make_batch(step)
+        shown = {round(level) for level in (inputs.around.amax((1, 2, 3)) * 255 / 40).tolist()}
+        assert shown in ({0, 1}, {2, 3})
+        assert inputs.window[4:].tolist() == ([-0.75, 0.0] if shown == {0, 1} else [-2.0, -1.0])
+        seen |= shown
+    assert seen == {0, 1, 2, 3}
 
 
 @pytest.mark.parametrize(
@@ -289,11 +339,3 @@ def test_wrong_arguments(folder, given, message):
     with pytest.raises(ValueError, match=message) as caught:
         crops_of(folder, **given)
     assert "\n" not in str(caught.value)
-
-
-def test_pictures_smaller_than_a_texture_are_skipped(tmp_path):
-    Image.new("RGB", (layered_scenes.TEXTURE, layered_scenes.TEXTURE - 1)).save(tmp_path / "a.png")
-    with pytest.raises(ValueError, match="no picture is as large as 160x160; name others"):
-        crops_of(tmp_path)
-    Image.new("RGB", (layered_scenes.TEXTURE, layered_scenes.TEXTURE), "red").save(tmp_path / "b.png")
-    assert len(crops_of(tmp_path).pictures) == 1

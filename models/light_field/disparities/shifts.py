@@ -29,7 +29,7 @@ Value = TypeVar("Value", np.float32, np.bool_)
 MAXIMUM_DISPARITY = 12
 """Largest whole disparity that is searched for, pixels from one view to the next."""
 UNSHIFTED_DISPARITY = 1
-"""Up to this views are not shifted: networks search 2 pixels to each side themselves."""
+"""Up to this views are not shifted: networks find the rest themselves."""
 SHIFT_STEP = 3
 """Shifts are multiples of this, so that at most one pixel of the disparity is left to the network, and a scene has few
 different shifts: each is a run of the network."""
@@ -58,7 +58,7 @@ def measure_shifts(views: Mapping[View, Pixels], view: View, grid: tuple[int, in
     height, width, _ = views[view].shape
     largest = min(MAXIMUM_DISPARITY, (min(height, width) - 1) // 4)
     if largest <= UNSHIFTED_DISPARITY:
-        return np.zeros((-(-height // SHIFT_TILE), -(-width // SHIFT_TILE)), np.int64)
+        return make_no_shifts(views[view])
     places = ((offset, (view[0] + offset[0], view[1] + offset[1])) for offset in NEIGHBOURS)
     neighbours = {offset: views[v, u] for offset, (v, u) in places if 0 <= v < grid[0] and 0 <= u < grid[1]}
     cost = _blur_tiles(_compare_tiles(views[view], neighbours, largest))
@@ -69,6 +69,11 @@ def measure_shifts(views: Mapping[View, Pixels], view: View, grid: tuple[int, in
     shifts = _vote(np.where(pays, (best + SHIFT_STEP // 2) // SHIFT_STEP * SHIFT_STEP, 0))
     values, counts = np.unique(shifts, return_counts=True)
     return np.where(np.isin(shifts, values[counts < MINIMUM_TILES]), 0, shifts)
+
+
+def make_no_shifts(view: Pixels) -> NDArray[np.int64]:
+    """Shifts of 0, as of `measure_shifts`, for the tiles of a view `(H, W, C)`."""
+    return np.zeros((-(-view.shape[0] // SHIFT_TILE), -(-view.shape[1] // SHIFT_TILE)), np.int64)
 
 
 def select_shifted(shifts: NDArray[np.int64], shift: int, part: Span) -> NDArray[np.bool_]:

@@ -5,8 +5,8 @@ import pytest
 
 pytest.importorskip("torch", reason="training.networks needs the training extra")
 
-from ciir.training.networks import view_filters
-from ciir.training.networks.view_filters import make_filters
+from ciir.models.light_field import view_filters
+from ciir.models.light_field.view_filters import make_filters
 
 TAPS = np.arange(-5, 6)
 WINDOWS = [np.arange(5) - 2, np.arange(5), np.arange(3) - 2, np.arange(1)]

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from ciir.models.light_field.disparity import (
+from ciir.models.light_field.disparities.shifts import (
     MAXIMUM_DISPARITY,
     NEIGHBOURS,
     SAMPLED_ROWS,
@@ -71,14 +71,14 @@ def test_few_tiles_are_not_shifted_for_themselves(monkeypatch):
         views[v, u][24 + 6 * v :, 24 + 6 * u :][:40, :40] = PICTURE[:40, :40]
     shifts = measure_shifts(views, (1, 1), (3, 3))
     assert {0, 6} <= set(np.unique(shifts))
-    monkeypatch.setattr("ciir.models.light_field.disparity.MINIMUM_TILES", np.count_nonzero(shifts) + 1)
+    monkeypatch.setattr("ciir.models.light_field.disparities.shifts.MINIMUM_TILES", np.count_nonzero(shifts) + 1)
     assert not measure_shifts(views, (1, 1), (3, 3)).any()
 
 
 def test_large_views_are_compared_in_strips(monkeypatch):
     views = shift_picture(6, (3, 3), (1, 1))
     whole = measure_shifts(views, (1, 1), (3, 3))
-    monkeypatch.setattr("ciir.models.light_field.disparity.STRIP_VALUES", 1)
+    monkeypatch.setattr("ciir.models.light_field.disparities.shifts.STRIP_VALUES", 1)
     np.testing.assert_array_equal(measure_shifts(views, (1, 1), (3, 3)), whole)
 
 

@@ -1,0 +1,173 @@
+"""Ranges of the disparities in a light field's views, over which a network's planes are spread.
+
+A range is that of the textured tiles of a view, each compared with the view's direct neighbours to a fraction of a
+pixel by least squares on its gradient (Lucas and Kanade, IJCAI 1981), from the best of three whole disparities.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ciir.models.light_field.disparities.shifts import NEIGHBOURS, SHIFT_TILE, crop_luma
+from ciir.models.light_field.planes import Range
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from ciir.models.light_field.disparities.shifts import Pixels
+    from ciir.models.light_field.windows import View
+
+    Floats = NDArray[np.float32]
+
+UNKNOWN = Range(-1.0, 1.0)
+"""The range where it can't be measured."""
+REACH = 1.5
+"""Largest disparity, to either side, of views that needn't be shifted."""
+MOST_TILES = 400
+"""Tiles that are compared, of more."""
+SPREAD = (0.7548776662466927, 0.5698402909980532)
+"""Steps of a sequence of rows and columns that fills a square evenly (Roberts 2018: 1 over the plastic number, and its
+square)."""
+LEAST_TILES = 8
+"""Tiles with a precise disparity from which a range is measured."""
+WHOLE = (-1, 0, 1)
+"""Disparities, besides a tile's shift, that are refined."""
+REFINED = 0.75
+"""Largest refinement, pixels."""
+PRECISION = 0.06
+"""Largest standard error of a tile's disparity, pixels. Views of noise have 0.1 and more."""
+TEXTURE = 0.004
+"""Least gradient of a tile, root mean square, in luma of [0, 1] for each pixel."""
+SHARE = 0.02
+"""Share of the tiles that may lie beyond each end of a range: outlines and reflections move in other ways."""
+MARGIN, MARGIN_SHARE = 0.06, 0.05
+"""Added to each end of a range: pixels, and a share of its width."""
+INNER = 2
+"""Pixels around a tile that its gradient needs."""
+
+
+class _Fit(NamedTuple):
+    """Sums over tiles, of which the disparity with the least squared difference follows."""
+
+    squares: Floats
+    """Of the gradient, `(n,)`."""
+    along: Floats
+    """Of the gradient times the difference between views, for each of `WHOLE`, `(3, n)`."""
+    differences: Floats
+    """Of the squared difference, `(3, n)`."""
+    pixels: int
+    """In each sum."""
+
+
+def measure_range(views: Mapping[View, Pixels], view: View, grid: tuple[int, int], shifts: NDArray[np.int64]) -> Range:
+    """The range of the disparities of a view's tiles less their `shifts`, `(R, C)` of
+    `models.light_field.disparities.shifts.measure_shifts`, in a grid of `grid` views.
+
+    `UNKNOWN` where too few tiles have texture, or views don't match. Only the direct neighbours, up to four, are
+    compared: content moves by the disparity towards larger coordinates from one view to the next.
+    """
+    if shifts.size < LEAST_TILES:
+        return UNKNOWN
+    rows, cols = _select_tiles(*shifts.shape)
+    disparities = estimate_tiles(views, view, grid, np.stack([rows, cols]), shifts[rows, cols])
+    return UNKNOWN if len(disparities) < LEAST_TILES else _enclose(disparities)
+
+
+def _select_tiles(down: int, across: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of up to `MOST_TILES` of `down x across` tiles, spread evenly, not in lines."""
+    if down * across <= MOST_TILES:
+        rows, cols = np.indices((down, across)).reshape(2, -1)
+        return rows, cols
+    places = np.outer(SPREAD, np.arange(MOST_TILES)) % 1
+    rows, cols = (places * [[down], [across]]).astype(np.int64)
+    return rows, cols
+
+
+def estimate_tiles(
+    views: Mapping[View, Pixels],
+    view: View,
+    grid: tuple[int, int],
+    tiles: NDArray[np.int64],
+    shifts: NDArray[np.int64],
+) -> Floats:
+    """The disparities less the `shifts` `(n,)` of those `tiles` `(2, n)`, rows and columns, that have a precise one."""
+    fit = _compare_tiles(views, view, grid, tiles * SHIFT_TILE, shifts)
+    squares = np.maximum(fit.squares, np.finfo(np.float32).tiny)
+    refined = np.clip(fit.along / squares, -REFINED, REFINED)
+    left = fit.differences - 2 * refined * fit.along + refined * refined * squares
+    best = left.argmin(axis=0), np.arange(len(shifts))
+    variance = np.maximum(left[best], 0) / fit.pixels
+    is_precise = variance < PRECISION**2 * squares
+    is_precise &= squares > TEXTURE**2 * fit.pixels
+    found: Floats = (np.array(WHOLE, np.float32)[best[0]] + refined[best])[is_precise]
+    return found
+
+
+def _compare_tiles(
+    views: Mapping[View, Pixels],
+    view: View,
+    grid: tuple[int, int],
+    corners: NDArray[np.int64],
+    shifts: NDArray[np.int64],
+) -> _Fit:
+    """Compares the tiles at `corners` `(2, n)` with the direct neighbours, moved back by the `shifts` and `WHOLE`."""
+    own = _cut_tiles(views[view], corners - INNER, (SHIFT_TILE + 2 * INNER,) * 2)
+    slopes = _measure_slope(own[:, :, INNER:-INNER]), _measure_slope(own[:, INNER:-INNER].transpose(0, 2, 1))
+    squares = [_sum_products(slope, slope) for slope in slopes]
+    total, compared = np.zeros(len(shifts), np.float32), 0
+    along, differences = (np.zeros((len(WHOLE), len(shifts)), np.float32) for _ in range(2))
+    for offset in NEIGHBOURS:
+        place = view[0] + offset[0], view[1] + offset[1]
+        if not (0 <= place[0] < grid[0] and 0 <= place[1] < grid[1]):
+            continue
+        compared += 1
+        axis, sign = (0, offset[0]) if offset[0] else (1, offset[1])
+        moved = corners.copy()
+        moved[axis] += sign * shifts - 1
+        sides = [SHIFT_TILE, SHIFT_TILE]
+        sides[axis] += 2
+        other = _cut_tiles(views[place], moved, (sides[0], sides[1])).transpose(0, axis + 1, 2 - axis)
+        here = own[:, INNER:-INNER, INNER:-INNER].transpose(0, axis + 1, 2 - axis)
+        total += squares[axis]
+        for number, whole in enumerate(WHOLE):
+            difference = here - other[:, 1 + sign * whole :][:, :SHIFT_TILE]
+            along[number] += sign * _sum_products(slopes[axis], difference)
+            differences[number] += _sum_products(difference, difference)
+    return _Fit(total, along, differences, max(1, compared) * SHIFT_TILE**2)
+
+
+def _measure_slope(tiles: Floats) -> Floats:
+    """The gradient along axis 1 of tiles `(n, side + 2*INNER, side)`, by differences of fourth order: those of second
+    order are too small for fine texture, and disparities then too large."""
+    near, far = tiles[:, 3:-1] - tiles[:, 1:-3], tiles[:, 4:] - tiles[:, :-4]
+    return np.asarray(near * np.float32(2 / 3) - far * np.float32(1 / 12))
+
+
+def _sum_products(one: Floats, other: Floats) -> Floats:
+    """`(n, h, w)` times another, summed: `(n,)`."""
+    return np.asarray(np.einsum("nij,nij->n", one, other))
+
+
+def _cut_tiles(picture: Pixels, corners: NDArray[np.int64], sides: tuple[int, int]) -> Floats:
+    """Luma of tiles of `sides` at `corners` `(2, n)` of a picture `(H, W, C)`, whose edge pixels are repeated beyond
+    it: `(n, h, w)`.
+    """
+    height, width, channels = picture.shape
+    rows, cols = (
+        np.clip(first[:, None] + np.arange(side), 0, length - 1)
+        for first, side, length in zip(corners, sides, (height, width), strict=True)
+    )
+    places = rows[:, :, None] * width + cols[:, None, :]
+    pixels: Pixels = picture.reshape(-1, channels).take(places.reshape(-1, sides[1]), axis=0)
+    return crop_luma(pixels).reshape(places.shape)
+
+
+def _enclose(disparities: Floats) -> Range:
+    """The range of all but the outer disparities, with a margin."""
+    low, high = np.quantile(disparities, [SHARE, 1 - SHARE])
+    margin = MARGIN + MARGIN_SHARE * (high - low)
+    return Range(float(low - margin), float(high + margin)).round_outwards()

@@ -1,0 +1,107 @@
+"""Known disparities are found, and not those of noise."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ciir.models.light_field.disparities.ranges import MOST_TILES, UNKNOWN, measure_range
+from ciir.models.light_field.disparities.shifts import make_no_shifts, measure_shifts
+from ciir.models.light_field.planes import STEP
+
+SIDE = 80
+FREQUENCIES = np.random.default_rng(0).normal(size=(120, 2)) * 0.9
+"""Radians a pixel, of waves that add up to a texture: it can be shifted by any part of a pixel."""
+PHASES = np.random.default_rng(1).uniform(0, 2 * np.pi, 120)
+GRIDS = [((3, 3), (1, 1)), ((3, 3), (0, 2)), ((5, 4), (2, 0))]
+
+
+def make_texture(down, right, shape=(SIDE, SIDE)):
+    """The texture moved by pixels `down` and to the `right`, in levels about 128."""
+    rows, cols = (np.arange(length) for length in shape)
+    waves = np.zeros(shape)
+    for (y, x), phase in zip(FREQUENCIES, PHASES, strict=True):
+        waves += np.cos(y * (rows[:, None] - down) + x * (cols - right) + phase)
+    return 128 + waves * 40 / np.sqrt(len(PHASES) / 2)
+
+
+def make_views(grid, view, layers, *, noise=0.0, shape=(SIDE, SIDE), channels=3):
+    """Views of which equal parts from the left to the right have the disparities `layers`."""
+    random, views = np.random.default_rng(2), {}
+    for v, u in np.ndindex(grid):
+        parts = [make_texture(by * (v - view[0]), by * (u - view[1]), shape) for by in layers]
+        edges = np.linspace(0, shape[1], len(layers) + 1).astype(int)
+        picture = np.concatenate([part[:, a:b] for part, a, b in zip(parts, edges, edges[1:], strict=False)], axis=1)
+        picture = picture[..., None] + random.normal(0, noise, (*shape, channels))
+        views[v, u] = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+    return views
+
+
+def measure(views, view, grid):
+    return measure_range(views, view, grid, measure_shifts(views, view, grid))
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(-1.4, 1.4), st.sampled_from(GRIDS), st.sampled_from([0.0, 4.0]))
+def test_a_disparity_is_found_to_a_part_of_a_pixel(disparity, case, noise):
+    grid, view = case
+    views = make_views(grid, view, [disparity], noise=noise)
+    low, high = measure_range(views, view, grid, make_no_shifts(views[view]))
+    assert low <= disparity <= high
+    assert high - low <= (0.5 if not noise else 0.75)
+    assert (low / STEP, high / STEP) == (round(low / STEP), round(high / STEP))
+
+
+@pytest.mark.parametrize("layers", [(-0.9, 0.3), (0.1, 0.2, 0.7), (-1.2, 1.2)])
+def test_the_range_spans_all_layers(layers):
+    views = make_views((3, 3), (1, 1), layers, shape=(SIDE, 144))
+    low, high = measure_range(views, (1, 1), (3, 3), make_no_shifts(views[1, 1]))
+    assert min(layers) - 0.4 <= low <= min(layers)
+    assert max(layers) <= high <= max(layers) + 0.4
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_thin_band_of_a_large_view_is_seen(axis):
+    """In views of 640x640 pixels, the number of whose tiles is a multiple of the number that is compared."""
+    shape = (640, 640)
+    views, near = (make_views((3, 3), (1, 1), [disparity], shape=shape) for disparity in (0.1, 0.8))
+    band = [slice(None), slice(None)]
+    band[axis] = slice(260, 340)
+    for at, view in views.items():
+        view[tuple(band)] = near[at][tuple(band)]
+    assert measure_range(views, (1, 1), (3, 3), make_no_shifts(views[1, 1])).highest >= 0.8
+
+
+@pytest.mark.parametrize("disparity", [-6.3, 2.8, 9.4])
+def test_the_rest_that_shifts_leave_is_measured(disparity):
+    views = make_views((3, 3), (1, 1), [disparity], shape=(128, 128))
+    shifts = measure_shifts(views, (1, 1), (3, 3))
+    assert np.median(shifts) == round(disparity / 3) * 3
+    low, high = measure_range(views, (1, 1), (3, 3), shifts)
+    assert low <= disparity - round(disparity / 3) * 3 <= high
+    assert high - low < 3
+
+
+def test_flat_small_unrelated_and_single_views_have_no_known_range():
+    random = np.random.default_rng(3)
+    flat = dict.fromkeys(np.ndindex(3, 3), np.full((SIDE, SIDE, 3), 90, np.uint8))
+    small = make_views((3, 3), (1, 1), [0.5], shape=(15, 15))
+    noise = {view: random.integers(0, 256, (SIDE, SIDE, 3), np.uint8) for view in np.ndindex(3, 3)}
+    for views in (flat, small, noise):
+        assert measure(views, (1, 1), (3, 3)) == UNKNOWN
+    assert measure(make_views((1, 1), (0, 0), [0.5]), (0, 0), (1, 1)) == UNKNOWN
+
+
+def test_grey_and_16_bits_are_measured_alike():
+    views = make_views((3, 3), (1, 1), [0.4], channels=1)
+    want = measure(views, (1, 1), (3, 3))
+    assert measure({view: picture.repeat(3, axis=2) for view, picture in views.items()}, (1, 1), (3, 3)) == want
+    assert measure({view: picture * np.uint16(257) for view, picture in views.items()}, (1, 1), (3, 3)) == want
+
+
+def test_some_tiles_of_a_large_view_are_enough(monkeypatch):
+    views = make_views((3, 3), (1, 1), [-0.3, 0.6], shape=(200, 200))
+    assert views[1, 1].size // 3 // 64 > MOST_TILES
+    low, high = measure(views, (1, 1), (3, 3))
+    monkeypatch.setattr("ciir.models.light_field.disparities.ranges.MOST_TILES", 10**6)
+    assert measure(views, (1, 1), (3, 3)) == pytest.approx((low, high), abs=0.13)
