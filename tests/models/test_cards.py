@@ -83,3 +83,18 @@ def test_optional_keys_have_defaults(tmp_path):
 )
 def test_sizes_round_up(sizes, given, expected):
     assert sizes.round_up(*given) == expected
+
+
+@pytest.mark.parametrize("planes", [1, "planes", None])
+def test_a_light_field_network_needs_its_inputs_and_two_planes(tmp_path, planes):
+    """Those of earlier versions had `rows` and `cols`, and no filters (None)."""
+    table = json.loads((SHIPPED / "field.json").read_text())
+    inputs = {tensor["name"]: tensor for tensor in table["extra_inputs"]}
+    if planes is None:
+        inputs["rows"] = inputs.pop("window") | {"name": "rows"}
+    else:
+        inputs["down"]["shape"][0] = planes
+    path = tmp_path / "field.json"
+    path.write_text(json.dumps(table | {"extra_inputs": list(inputs.values())}))
+    with pytest.raises(BadCard, match="for 2 planes and more: export it again"):
+        cards.read_card(path)

@@ -44,3 +44,15 @@ def test_fine_samples_lie_where_they_should():
 def test_the_window_is_described():
     window = describe_window(select_axis(0, 5), select_axis(3, 4), Range(-1.0, 0.25), 8)
     np.testing.assert_array_equal(window.description, np.float32([0, 2, 1.5, 0, -1, 0.25]))
+
+
+@given(ENDS, ENDS, st.sampled_from([(2, 5), (0, 5), (4, 5), (1, 3)]), st.sampled_from([(2, 5), (0, 4)]))
+def test_trimming_leaves_out_nothing_but_zeros(one, other, down, across):
+    low, high = sorted((one, other))
+    whole = describe_window(select_axis(*down), select_axis(*across), Range(low, high), 6)
+    trimmed = whole.trim()
+    beyond = REACH - trimmed.down.shape[3] // 2
+    for few, every in zip(trimmed[:2], whole[:2], strict=True):
+        np.testing.assert_array_equal(np.pad(few, ((0, 0), (0, 0), (0, 0), (beyond, beyond))), every)
+    outer = [filters[..., [0, -1]] for filters in trimmed[:2]]
+    assert any(filters.any() for filters in outer)

@@ -135,6 +135,22 @@ def test_the_fallback_is_used_where_confidence_is_low(uncertainty, expected_shar
     assert finished == [(expected_share, False, False)]
 
 
+@pytest.mark.parametrize(("rows", "is_used"), [(1, False), (3, True)])
+def test_the_fallback_is_used_where_it_would_make_enough_of_a_view(rows, is_used):
+    """Of ten rows, one is 10 % and three are 30 %, where 15 are needed; all others have a hundredth of its weight."""
+    views = make_light_field((3, 3), (10, 8, 3))
+
+    class UncertainRows(Repeating):
+        def __call__(self, *given, **more):
+            large, uncertainty = super().__call__(*given, **more)
+            uncertainty[:, :, :rows] = UNCERTAIN
+            uncertainty[:, :, rows:] = CONFIDENT + 0.01 * (UNCERTAIN - CONFIDENT)
+            return large, uncertainty
+
+    (got,), _ = upscale_views(UncertainRows(), fallback, views, [(1, 1)], (3, 3))
+    assert bool((got[0] == 255).all()) == is_used
+
+
 def test_skip_applies_to_the_fallback_too(monkeypatch):
     given = []
 
