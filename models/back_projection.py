@@ -47,7 +47,7 @@ def restore_means(large: NDArray[Value], small: NDArray[Value]) -> NDArray[Value
     for top in range(0, len(small), STRIP_ROWS):
         bottom, first = min(top + STRIP_ROWS, len(small)), max(top - 1, 0)
         seen = small[first : bottom + 1].astype(np.float32)  # with a row on each side, for their range
-        noise = SAMPLING_NOISE * measure_range(seen)
+        noise = SAMPLING_NOISE * measure_contrast(seen)
         rows, part = slice(top - first, bottom - first), slice(scale * top, scale * bottom)
         result[part] = _restore(large[part].astype(np.float32), seen[rows], noise[rows], np.iinfo(small.dtype).max)
     return result
@@ -111,7 +111,7 @@ def _average_cells(values: NDArray[np.float32], scale: int) -> NDArray[np.float3
     return total
 
 
-def measure_range(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+def measure_contrast(picture: NDArray[np.float32]) -> NDArray[np.float32]:
     """The largest less the smallest of each 3x3 pixels of `(H, W)`, or of each channel of `(H, W, C)`."""
     largest, smallest = picture, picture
     for axis in (0, 1):

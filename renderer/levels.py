@@ -40,10 +40,14 @@ def note_rounding(name: str, dtype: np.dtype[Any], unused: int) -> list[str]:
     """Notes on views of `dtype` in the 8 bits of the format `name`, raised by `unused` bits of
     `ciir.bit_depth.count_unused_camera_bits`; none for uint8.
     """
-    if dtype != np.uint16:
+    return [f"{name}: 16 bits are rounded to 8", *note_raising(name, unused)] if dtype == np.uint16 else []
+
+
+def note_raising(name: str, unused: int) -> list[str]:
+    """Notes on views whose levels the format `name` raises by `unused` bits; none for 0."""
+    if not unused:
         return []
-    raised = f"{name}: no level is over {2 ** (16 - unused) - 1}, so levels are multiplied by {2**unused}"
-    return [f"{name}: 16 bits are rounded to 8", *([raised] if unused else [])]
+    return [f"{name}: no level is over {2 ** (16 - unused) - 1}, so levels are multiplied by {2**unused}"]
 
 
 def round_samples(

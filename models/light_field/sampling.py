@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ciir.models.back_projection import measure_range
+from ciir.models.back_projection import measure_contrast
 from ciir.models.light_field.network import compute_luma
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def find_sampling(large: Pixels, small: Pixels) -> Sampling | None:
         made = {"filter": fine.resize((seen.shape[1], count), Image.Resampling.BICUBIC), "means": fine.reduce(scale)}
         for kind, parts in differences.items():
             parts.append(_crop_border(np.asarray(made[kind]) - seen))
-        ranges.append(_crop_border(measure_range(seen)))
+        ranges.append(_crop_border(measure_contrast(seen)))
     sums = {kind: sum(map(_add_squares, parts)) for kind, parts in differences.items()}
     contrast = sum(map(_add_squares, ranges))
     if min(sums["means"], contrast) <= FLAT:

@@ -73,7 +73,8 @@ def upscale_views(
     `list_required_views`. `fallback`: a single-image model of the same scale. `skip`: whether to skip uniform and
     repeated parts (`models.light_field.skipping`), which doesn't change the result. `statistics`: the pixels are added
     to it. `finds_sampling`: whether to find how views were sampled, and to finish them accordingly. `disparities`: the
-    range of all content, pixels from one view to the next, at most `ranges.REACH` to either side; None: it is measured.
+    range of all content, pixels from one view to the next, at most `ranges.FARTHEST` to either side; None: it is
+    measured.
 
     Returns `(len(wanted), scale*H, scale*W, C)` of the same type, rounded to nearest, grey as the mean of three
     channels; and how each was finished.

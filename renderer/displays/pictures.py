@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, get_args
 
+from ciir.bit_depth import count_unused_camera_bits, raise_levels
 from ciir.errors import InvalidOption
 from ciir.renderer.displays.depth_budget import describe_light_field, describe_native
 from ciir.renderer.displays.devices import Quilt, resolve_quilt
@@ -14,6 +15,7 @@ from ciir.renderer.displays.light_fields import make_quilt, order_as_cameras, pa
 from ciir.renderer.displays.panel import Conversion, resample_panel
 from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.displays.quilt import parse_grid, parse_name
+from ciir.renderer.levels import note_raising
 from ciir.renderer.limits import DEFAULT_LIMITS
 
 if TYPE_CHECKING:
@@ -95,11 +97,15 @@ def show_light_field(
     """The picture of a light field for `target`, with notes.
 
     `own_aspect`: width / height that its views are shown with, where their pixels are not square. `max_pixels`: most
-    pixels of a quilt, whose views are made smaller where they exceed it.
+    pixels of a quilt, whose views are made smaller where they exceed it. Levels of a camera with fewer than 16 bits are
+    raised (`ciir.bit_depth`): displays show the whole range.
     """
+    unused = count_unused_camera_bits(light_field.views)
+    if unused:
+        light_field = replace(light_field, views=raise_levels(light_field.views, unused))
     height, width = light_field.views.shape[2:4]
     own, disparity = own_aspect or width / height, options.disparity
-    laid = (BLACK,) if light_field.is_transparent() else ()
+    laid = *note_raising("display", unused), *((BLACK,) if light_field.is_transparent() else ())
     if isinstance(target, Quilt):
         quilt, layout, notes = make_quilt(
             light_field,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, cast
 
 import onnx
@@ -11,6 +12,7 @@ from onnx import numpy_helper
 from torch import nn
 
 from ciir.training.networks.collapsible import CollapsibleConv
+from ciir.training.networks.ensemble import Ensemble, split_weights
 from ciir.training.networks.light_field import CHOSEN, FACTORS, LightFieldGenerator
 
 if TYPE_CHECKING:
@@ -30,7 +32,8 @@ def load_onnx_weights(network: nn.Module, path: Path) -> None:
     """Loads the float weights in `path` into the convolutions of `network`, whose other branches stay as they are.
 
     The export added the branches of each `CollapsibleConv` into one kernel; here its plain kernel takes up the
-    difference. A light-field network takes the weights of a single-picture generator into the one that it contains.
+    difference. A light-field network takes the weights of a single-picture generator into the one that it contains, an
+    ensemble into all of its members.
     Layers of a generator's body that follow the last one in the file start near the identity, which a ReLU keeps: not
     at it, as channels that are zero everywhere would get no gradient and stay so.
     Raises `ValueError` where the file can't be read or is of an int8 network, a weight is missing or of another shape,
@@ -42,15 +45,7 @@ def load_onnx_weights(network: nn.Module, path: Path) -> None:
         raise ValueError(f"initial: {path}: not an ONNX file that can be read ({error}); name another") from error
     if any(node.op_type == "QuantizeLinear" for node in model.graph.node):
         raise ValueError(f"initial: {path} is an int8 network; name the float one")
-    found = {
-        value.name.removeprefix(PREFIX): torch.from_numpy(numpy_helper.to_array(value).copy())
-        for value in model.graph.initializer
-    }
-    if isinstance(network, LightFieldGenerator):
-        if "compare.0.weight" not in found:
-            network = network.single
-        elif f"{MERGED}.weight" in found:
-            _split_merged(network, found)
+    network, found = _match(network, _read_weights(model))
     layers = {name: layer for name, layer in network.named_modules() if isinstance(layer, CollapsibleConv)}
     if not layers:
         raise ValueError(f"initial: {path}: only our own generators start from an ONNX file; name a checkpoint")
@@ -73,10 +68,30 @@ def load_onnx_weights(network: nn.Module, path: Path) -> None:
             parameter.copy_(found[name])
 
 
+def _read_weights(model: onnx.ModelProto) -> dict[str, Tensor]:
+    """The weights of an exported network by their names in it."""
+    return {
+        value.name.removeprefix(PREFIX): torch.from_numpy(numpy_helper.to_array(value).copy())
+        for value in model.graph.initializer
+    }
+
+
+def _match(network: nn.Module, found: dict[str, Tensor]) -> tuple[nn.Module, dict[str, Tensor]]:
+    """The part of `network` that `found` are the weights of, and these by their names in it."""
+    if isinstance(network, LightFieldGenerator):
+        if "compare.0.weight" not in found:
+            return network.single, found
+        if f"{MERGED}.weight" in found:
+            _split_merged(network, found)
+    elif isinstance(network, Ensemble) and not any(name.startswith("members.") for name in found):
+        return network, split_weights(found, len(network.members))
+    return network, found
+
+
 def _place(name: str) -> int:
     """The number of a layer, or of its weight, in a generator's body; -1 for others."""
-    parts = name.removeprefix("single.").split(".")
-    return int(parts[1]) if parts[0] == "body" else -1
+    found = re.search(r"\bbody\.(\d+)", name)
+    return int(found[1]) if found else -1
 
 
 def _split_merged(network: LightFieldGenerator, found: dict[str, Tensor]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ciir.training.networks.compact import CompactGenerator
+from ciir.training.networks.ensemble import Ensemble
 from ciir.training.networks.light_field import LightFieldGenerator
 from ciir.training.networks.lite import LiteGenerator
 from ciir.training.networks.peers.fsrcnn import FSRCNN
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 NETWORKS: dict[str, Callable[..., nn.Module]] = {
     "compact": CompactGenerator,
+    "ensemble": Ensemble,
     "light_field": LightFieldGenerator,
     "lite": LiteGenerator,
     "srgan": SRGANGenerator,

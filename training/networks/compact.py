@@ -63,7 +63,12 @@ class CompactGenerator(nn.Module):
 
     def forward(self, image: Tensor) -> Tensor:
         """See the class."""
-        change: Tensor = self.tail(self.body(image))
+        change = self.compute_change(image)
         if self.guard:
             change = limit_change(change, image)
         return functional.pixel_shuffle(change + self.base(image), self.scale)
+
+    def compute_change(self, image: Tensor) -> Tensor:
+        """What is added to interpolation, before its limit, `(N, 3 * scale^2, H, W)`: colours, then phases."""
+        change: Tensor = self.tail(self.body(image))
+        return change

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 UNKNOWN = Range(-1.0, 1.0)
 """The range where it can't be measured."""
-REACH = 1.5
+FARTHEST = 1.5
 """Largest disparity, to either side, of views that needn't be shifted."""
 MOST_TILES = 400
 """Tiles that are compared, of more."""

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.errors import InvalidOption
-from ciir.models.light_field.disparities.ranges import REACH
+from ciir.models.light_field.disparities.ranges import FARTHEST
 from ciir.models.light_field.planes import Range
 from ciir.models.light_field.windows import WINDOW_SIDE
 from ciir.renderer.lens_array import LensArray
@@ -62,7 +62,7 @@ class ViewWindows:
     spacing: float
     """The distance between neighbouring views of a window, relative to that of the array's views."""
     disparities: Range | None = None
-    """Of all that is seen, pixels from one view of a window to the next; None where some are larger than `REACH`."""
+    """Of all that is seen, pixels from one view of a window to the next; None where some are larger than `FARTHEST`."""
 
     def list_grid(self, grid: View) -> View:
         """Rows and columns of the grid for an array of `grid` views."""
@@ -104,9 +104,9 @@ def find_view_windows(
 
 def _find_disparities(mesh: Scene, array: LensArray, matrix: NDArray[np.float64], spacing: float) -> Range | None:
     """The range of the disparities of a mesh in windows of views that are `spacing` apart, None where some are larger
-    than `REACH`: content at `z` moves by `z * delta / pitch` pixels from one view of the array to the next.
+    than `FARTHEST`: content at `z` moves by `z * delta / pitch` pixels from one view of the array to the next.
     """
     depths = [part.used_vertices() @ matrix[2, :3] + matrix[2, 3] for part in mesh.parts]
     step = spacing * array.delta / array.pitch
     ends = step * min(float(depth.min()) for depth in depths), step * max(float(depth.max()) for depth in depths)
-    return Range(*ends) if max(map(abs, ends)) <= REACH else None
+    return Range(*ends) if max(map(abs, ends)) <= FARTHEST else None

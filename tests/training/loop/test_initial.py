@@ -20,6 +20,7 @@ from ciir.training.networks import make_network
 
 OPTIONS = {
     "compact": {"widths": [8, 16, 8], "slope": 0.0, "guard": True},
+    "ensemble": {"widths": [8, 16, 8], "slope": 0.0, "guard": True},
     "light_field": {"widths": [8, 16, 8], "width": 16, "depth": 1, "guard": True},
 }
 

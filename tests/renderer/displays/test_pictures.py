@@ -1,0 +1,26 @@
+"""Pictures of light fields for displays."""
+
+import numpy as np
+import pytest
+
+from ciir.renderer.displays.pictures import find_target, show_light_field
+from ciir.renderer.light_field import LightField
+from ciir.renderer.writers.options import WriterOptions
+
+
+@pytest.mark.parametrize(("bits", "unused"), [(10, 6), (12, 4), (16, 0)])
+def test_levels_of_a_camera_fill_the_range(bits, unused):
+    """As of a camera of 16 bits that saw the same: a display would show them nearly black."""
+    views = np.random.default_rng(1).integers(0, 2**bits, (1, 3, 8, 12, 3), np.uint16)
+    views[0, 0, 0, 0] = 2**bits - 1
+    options = WriterOptions(quilt="3x1", aspect=1.5)
+    target = find_target("quilt", options)
+    made = show_light_field(LightField(views, depth_sense="cameras"), target, options)
+    wanted = show_light_field(LightField(views << unused, depth_sense="cameras"), target, options)
+    assert (made.pixels == wanted.pixels).all()
+    assert made.pixels.max() == (2**bits - 1) << unused
+    raised = [note for note in made.notes if "multiplied" in note]
+    if not unused:
+        assert not raised
+    else:
+        assert raised == [f"display: no level is over {2**bits - 1}, so levels are multiplied by {2**unused}"]
