@@ -127,6 +127,8 @@ def run_server(folder: Path) -> Iterator[str]:
         process = subprocess.Popen(command, stdout=output, stderr=output, env=environment)
     try:
         while (found := re.search(r"http://127\.0\.0\.1:\d+", log.read_text())) is None:
+            if process.poll() is not None:
+                raise RuntimeError(f"ciir serve ended with status {process.returncode}: {log.read_text()[-2000:]}")
             time.sleep(0.1)
         yield found[0]
     finally:

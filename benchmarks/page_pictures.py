@@ -43,6 +43,9 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--examples", type=Path, default=Path("service/web/page/assets/examples"))
     parser.add_argument("names", nargs="*", default=[*PICTURES, *EXAMPLES])
     args = parser.parse_args(argv)
+    unknown = sorted(set(args.names) - {*PICTURES, *EXAMPLES})
+    if unknown:
+        parser.error(f"{', '.join(unknown)}: not known; give some of {', '.join([*PICTURES, *EXAMPLES])}")
     for scene in set(EXAMPLES) & set(args.names):
         view = ciir.render(f"scene:{scene}", lenses=(256, 256), pixels=(1, 1), sampling="lenslet").view(0, 0)
         Image.fromarray(view).save(args.examples / f"{scene}.jpg", quality=82)

@@ -4,7 +4,7 @@
 
 All are trained by `training.loop.train.train` on the same crops in the same order, with the same number of updates,
 pixel loss and step sizes, and scored on the public sets after export; SRGAN's and ESRGAN's generators too have pixel
-loss. RDN and ESRGAN's are only timed where there is no GPU, unless `--all` is args. An interrupted run resumes when it
+loss. RDN and ESRGAN's are only timed where there is no GPU, unless `--all` is given. An interrupted run resumes when it
 is started again with the same options. `--out` gets a folder for each network (its checkpoint, log, ONNX file and
 card), `tables.md`, and `figures.json` with every figure. Needs the training extra.
 """

@@ -63,7 +63,8 @@ def load_upscale(name: str, views: Views) -> Upscale:
     if name in catalogue.list_single_image_names():
         model, picture = catalogue.load_upscaler(name), np.ascontiguousarray(views[middle][np.newaxis])
         return lambda skip, statistics: upscale_pixels(model, picture, skip=skip, statistics=statistics)
-    network, fallback = catalogue.load_light_field_network(name), catalogue.load_upscaler(catalogue.FALLBACK)
+    network = catalogue.load_light_field_network(name)
+    fallback = catalogue.load_upscaler(catalogue.prefer_int8(catalogue.FALLBACK))
     grid = (SIDE, SIDE)
     return lambda skip, statistics: upscale_views(
         network, fallback, views, [middle], grid, skip=skip, statistics=statistics

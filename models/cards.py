@@ -146,8 +146,8 @@ class Card:
     def _check_light_field(self) -> None:
         """Raises `BadCard` where the inputs are not those of `models.light_field.network`."""
         found = {tensor.name: tensor.shape[:1] for tensor in self.extra_inputs}
-        planes = found.get(FILTERS, ())
-        if set(found) != {"around", "down", "across", "window"} or not isinstance(planes[0], int) or planes[0] < 2:
+        planes = next(iter(found.get(FILTERS, ())), None)
+        if set(found) != {"around", "down", "across", "window"} or not isinstance(planes, int) or planes < 2:
             raise BadCard(
                 f"card {self.name}: inputs {', '.join(found)}; a light-field network has around, down, across and "
                 "window, for 2 planes and more: export it again with `ciir export`"

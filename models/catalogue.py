@@ -142,9 +142,7 @@ def load_upscaler(name: str, *, scale: int = 2, threads: int | None = None, emul
         return _load_upscaler(name, scale, threads, emulates_int8)
 
 
-def load_light_field_network(
-    name: str = LIGHT_FIELD_DEFAULT, *, scale: int = 2, emulates_int8: bool = False
-) -> LightFieldNetwork:
+def load_light_field_network(name: str, *, scale: int = 2, emulates_int8: bool = False) -> LightFieldNetwork:
     """The light-field network `name`, loaded once; `models.light_field.views` calls it. Thread-safe.
 
     Raises as `load_upscaler`, and `UnsuitedModel` for a single-image model.

@@ -41,6 +41,9 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("-o", "--out", type=Path)
     args = parser.parse_args(argv)
+    unknown = sorted(set(args.parts) - set(PARTS))
+    if unknown:
+        parser.error(f"{', '.join(unknown)}: not known; give some of {', '.join(PARTS)}")
     with tempfile.TemporaryDirectory(prefix="ciir-bench-") as folder:
         out = args.out or Path(folder)
         write_inputs(out / "in", args.arrays, args.meshes, LENSES, PIXELS)

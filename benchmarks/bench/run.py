@@ -15,7 +15,7 @@ from ciir.benchmarks import machine
 from ciir.benchmarks.bench import figures, tables
 from ciir.benchmarks.bench.methods import list_methods
 from ciir.benchmarks.bench.results import average_rows, find_frontier, measure, replace_infinite
-from ciir.benchmarks.bench.work import SAMPLINGS, SCALE, list_works
+from ciir.benchmarks.bench.work import SCALE, list_works
 from ciir.models.catalogue import default_name
 from ciir.renderer.scenes import SCENES
 from ciir.service.pipeline.options import Options
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from ciir.service.pipeline.options import Sampling
     from ciir.service.pipeline.source import Source
 
 LENSES = (25, 50, 100, 200)
@@ -48,7 +47,6 @@ class BenchOptions:
     """Name -> scene, mesh, elemental image array or set of views."""
     lenses: Sequence[int] = LENSES
     """Of the arrays in front of a mesh."""
-    samplings: Sequence[Sampling] = SAMPLINGS
     array: Options = field(default_factory=Options)
     """How to read an elemental image array."""
     rounds: int = ROUNDS
@@ -68,7 +66,7 @@ def bench(options: BenchOptions, out: Path) -> dict[str, Any]:
     works = [
         work
         for name, source in options.sources.items()
-        for work in list_works(source, name, lenses=options.lenses, samplings=options.samplings, array=options.array)
+        for work in list_works(source, name, lenses=options.lenses, array=options.array)
     ]
     results = [
         measure(work, methods, options.rounds) for work in tqdm(works, disable=None, unit="work", file=sys.stderr)

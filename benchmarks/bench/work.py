@@ -70,9 +70,7 @@ def reconstruct_views(source: Source, options: Options) -> tuple[NDArray[np.uint
     return convert_to_rgb(eight.astype(np.uint8)), report
 
 
-def list_works(
-    source: Source, name: str, *, lenses: Sequence[int], samplings: Sequence[Sampling] = SAMPLINGS, array: Options
-) -> Iterator[Work]:
+def list_works(source: Source, name: str, *, lenses: Sequence[int], array: Options) -> Iterator[Work]:
     """The pieces of work for `source`: for a mesh one for each count of `lenses` and sampling; for an elemental
     image array or a set of views one for each sampling, at half its own resolution.
 
@@ -81,32 +79,30 @@ def list_works(
     """
     if isinstance(Input(source).read(array), Scene):
         for count in lenses:
-            yield from _list_mesh_works(source, name, count, samplings, array.pixels or PIXELS)
+            yield from _list_mesh_works(source, name, count, array.pixels or PIXELS)
     else:
-        yield from _list_light_field_works(source, name, samplings, array)
+        yield from _list_light_field_works(source, name, array)
 
 
-def _list_mesh_works(
-    source: Source, name: str, count: int, samplings: Sequence[Sampling], pixels: tuple[int, int]
-) -> Iterator[Work]:
+def _list_mesh_works(source: Source, name: str, count: int, pixels: tuple[int, int]) -> Iterator[Work]:
     """Work for a mesh, whose truth is rendered by rays."""
     options = Options(lenses=(count, count), pixels=pixels, views="cross", scale=SCALE)
     direct = replace(options, strategy="direct", backend="raytrace")
     truth = reconstruct_views(source, direct)[0]
     on_white = reconstruct_views(source, replace(direct, background=(255, 255, 255)))[0]
     covered = (on_white[..., 0].astype(int) - truth[..., 0]) < 128
-    for sampling in samplings:
+    for sampling in SAMPLINGS:
         sampled = replace(options, sampling=sampling)
         yield Work(name, "mesh", (count, count), sampling, source, sampled, truth, covered)
 
 
-def _list_light_field_works(source: Source, name: str, samplings: Sequence[Sampling], array: Options) -> Iterator[Work]:
+def _list_light_field_works(source: Source, name: str, array: Options) -> Iterator[Work]:
     """Work for a light field: its views are the truth for those of a lens array with twice the pitch."""
     every, report = reconstruct_views(source, replace(array, views="all", model="none", scale=1))
     v, u = report["lens_array"]["pixels_v"], report["lens_array"]["pixels_u"]
     if min(every.shape[1:3]) < LEAST:
         raise InvalidOption(f"{name}: views of {every.shape[1]}x{every.shape[2]} pixels; give views of {LEAST} or more")
-    for sampling in samplings:
+    for sampling in SAMPLINGS:
         low, high = halve(every, sampling)
         rows, cols = low.shape[1:3]
         eia = LightField(low.reshape(v, u, *low.shape[1:])).eia()

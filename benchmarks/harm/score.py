@@ -15,12 +15,14 @@ from ciir.benchmarks.harm.case import LIGHT_FIELD, SCALE
 from ciir.models import catalogue
 from ciir.models.back_projection import restore_means
 from ciir.models.light_field.network import LightFieldNetwork
+from ciir.models.light_field.strides import choose_stride, upscale_spaced_views
 from ciir.models.light_field.views import upscale_views
 from ciir.models.light_field.windows import MINIMUM_GRID
 from ciir.models.single.pixels import upscale_pixels
 from ciir.renderer.light_field import LightField
 from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.scene import Scene
+from ciir.renderer.view_order.motion import measure_motion
 from ciir.service.pipeline.job import resolve_job
 from ciir.service.pipeline.options import AUTO, Options
 from ciir.service.pipeline.planning.plan import make_plan
@@ -150,7 +152,9 @@ def _upscale_light_field(network: Any, views: Views, at: View, finds_sampling: b
     grid = (views.shape[0], views.shape[1])
     every = {(v, u): views[v, u] for v in range(grid[0]) for u in range(grid[1])}
     fallback = catalogue.load_upscaler(catalogue.prefer_int8(catalogue.FALLBACK), scale=SCALE)
-    made, _ = upscale_views(network, fallback, every, [at], grid, finds_sampling=finds_sampling)
+    stride = choose_stride(measure_motion(views), grid) if finds_sampling else 1  # not of a mesh's views
+    upscale = partial(upscale_views, network, fallback, finds_sampling=finds_sampling)
+    made, _ = upscale_spaced_views(upscale, every, [at], grid, stride)
     return np.asarray(made[0], np.uint8)
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ciir.models.light_field.planes import Range
     from ciir.models.light_field.windows import Axis
 
-LUMA = np.array([0.299, 0.587, 0.114], np.float32)
+LUMA = (0.299, 0.587, 0.114)
 """ITU-R BT.601's weights of red, green and blue: networks use only the luma of the views around."""
 
 
@@ -68,7 +68,7 @@ def compute_luma(picture: NDArray[np.uint8 | np.uint16], peak: float) -> NDArray
     """
     if picture.shape[-1] == 1:
         return np.asarray(picture[..., 0] * np.float32(1 / peak))
-    weights = LUMA / np.float32(peak)
+    weights = np.array(LUMA, np.float32) / np.float32(peak)
     luma: NDArray[np.float32] = picture[..., 0] * weights[0]
     luma += picture[..., 1] * weights[1]
     luma += picture[..., 2] * weights[2]

@@ -8,6 +8,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
 from ciir.errors import InvalidOption, TooLarge, Unreadable
 from ciir.renderer.displays.quilt import MAX_ASPECT
 from ciir.renderer.limits import DEFAULT_LIMITS
@@ -68,7 +70,8 @@ class WriterOptions:
 
     @classmethod
     def convert(cls, given: Mapping[str, Any]) -> WriterOptions:
-        """Options by name; `calibration` and `display` are paths. The output's path gives those of `OF_FILE`.
+        """Options by name; None is the default. `calibration` and `display` are paths; the output's path gives those of
+        `OF_FILE`.
 
         Raises `InvalidOption` for a name that is not known or a value out of range, and `Unreadable` for a file that
         can't be read.
@@ -77,10 +80,16 @@ class WriterOptions:
         unknown = sorted(given.keys() - set(known))
         if unknown:
             raise InvalidOption(f"{unknown[0][:40]!r}: no such option; known are {', '.join(known)}")
+        given = {
+            name: value.item() if isinstance(value, np.generic) else value
+            for name, value in given.items()
+            if value is not None
+        }
         files = {name: read_description(name, Path(given[name])) for name in TEXT_FILES if given.get(name)}
         for name, value in given.items():
             is_number, is_whole = name in RANGES, isinstance(getattr(cls, name), int)
-            if name not in files and not isinstance(value, int if is_whole else (int, float) if is_number else str):
+            kinds = int if is_whole else (int, float) if is_number else str
+            if name not in files and (isinstance(value, bool) or not isinstance(value, kinds)):
                 needed = "whole number" if is_whole else "number" if is_number else "text"
                 raise InvalidOption(f"{name}: {str(value)[:40]!r} is not taken; give a {needed}")
             least, most = RANGES.get(name, (0, 0))

@@ -100,7 +100,7 @@ def _list_earlier(folder: Path) -> set[str]:
         names = [f"{plane['name']}.png" for plane in json.loads((folder / REPORT).read_bytes())["planes"]]
     except (OSError, LookupError, TypeError, ValueError):  # none, or a report.json of another program
         return set()
-    return {name for name in names if re.fullmatch(r"plane_\d+_[dz][-+.\w]+\.png", name)}
+    return {name for name in names if re.fullmatch(r"(plane_\d+_[dz][-+.\w]+|all_in_focus)\.png", name)}
 
 
 def _write_zip(file: IO[bytes], stack: Stack) -> list[str]:

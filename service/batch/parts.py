@@ -11,7 +11,7 @@ import shutil
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ciir.errors import InvalidOption
+from ciir.errors import InvalidOption, Unreadable
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.containers import video
 from ciir.renderer.readers.inputs import find_main
@@ -122,13 +122,21 @@ def list_part_tasks(task: Task, parts: Sequence[Part]) -> list[Task]:
     return [replace(task, out=f"{folder}/{part.name}", is_file=False, part=part, whole=task.out) for part in parts]
 
 
+def _read_report(outputs: Outputs, name: str) -> Report:
+    try:
+        report: Report = json.loads(outputs.read(name) or b"")
+    except ValueError as error:
+        raise Unreadable(f"{name}: missing or damaged; run the batch again") from error
+    return report
+
+
 def join(task: Task, request: Request, outputs: Outputs, record: Record) -> Outcome:
     """Makes the output of its parts, which are done, and removes them."""
     tasks = list_part_tasks(task, task.joined)
     records = [Record(outputs, each, request) for each in tasks]
     record.remove()
     with outputs.open_scratch() as scratch:
-        reports = [json.loads(outputs.read(f"{each.out}/{REPORT}") or b"") for each in tasks]
+        reports = [_read_report(outputs, f"{each.out}/{REPORT}") for each in tasks]
         report = _join_reports(reports, request.options)
         pictures = [
             outputs.fetch(f"{each.out}/{view['file']}", scratch / f"{number}_{view['file']}")

@@ -27,8 +27,7 @@ class Record:
         part = task.part and (task.part.views, task.part.model, task.part.first, len(task.part.times))
         name = task.source.rpartition("/")[2]
         self._key = compute_key(name, task.out, task.is_file, task.is_video, part, options=request.options)
-        data = outputs.read(self._name)
-        self._kept: dict[str, Any] = {} if data is None else json.loads(data)
+        self._kept = _parse(outputs.read(self._name))
 
     @property
     def trace(self) -> Trace:
@@ -80,3 +79,12 @@ class Record:
 def hash_name(out: str) -> str:
     """A file name for what belongs to the output called `out`."""
     return hashlib.sha256(out.encode()).hexdigest()[:32]
+
+
+def _parse(data: bytes | None) -> dict[str, Any]:
+    """What a record holds; nothing where there is none, or a damaged one, whose output is made anew."""
+    try:
+        kept = json.loads(data or b"{}")
+    except ValueError:
+        return {}
+    return kept if isinstance(kept, dict) else {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 Write = Callable[[str, bytes], object]
 """Takes an output file's name and its bytes."""
-_LOSSLESS = ("png", "tif", "tiff")
+_LOSSLESS = (".png", ".tif", ".tiff")
 
 
 def output_names(inputs: list[str]) -> dict[str, str]:
@@ -38,8 +39,8 @@ def output_names(inputs: list[str]) -> dict[str, str]:
     names: dict[str, str] = {}
     taken: dict[str, str] = {}
     for name in inputs:
-        stem, _, suffix = name.rpartition(".")
-        output = f"{stem}.{suffix.lower() if suffix.lower() in _LOSSLESS else 'png'}"
+        path = PurePosixPath(name)
+        output = str(path.with_suffix(suffix if (suffix := path.suffix.lower()) in _LOSSLESS else ".png"))
         if output in taken:
             raise InvalidOption(f"{name} and {taken[output]} would both be written as {output}; rename one of them")
         names[name] = output

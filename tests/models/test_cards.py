@@ -85,13 +85,15 @@ def test_sizes_round_up(sizes, given, expected):
     assert sizes.round_up(*given) == expected
 
 
-@pytest.mark.parametrize("planes", [1, "planes", None])
+@pytest.mark.parametrize("planes", [1, "planes", None, ...])
 def test_a_light_field_network_needs_its_inputs_and_two_planes(tmp_path, planes):
-    """Those of earlier versions had `rows` and `cols`, and no filters (None)."""
+    """Those of earlier versions had `rows` and `cols`, and no filters (None). `...`: no axis at all."""
     table = json.loads((SHIPPED / "field.json").read_text())
     inputs = {tensor["name"]: tensor for tensor in table["extra_inputs"]}
     if planes is None:
         inputs["rows"] = inputs.pop("window") | {"name": "rows"}
+    elif planes is ...:
+        inputs["down"]["shape"] = []
     else:
         inputs["down"]["shape"][0] = planes
     path = tmp_path / "field.json"

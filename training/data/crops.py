@@ -13,9 +13,8 @@ import torch
 from torch import Tensor
 from tqdm import tqdm
 
-from ciir.training.data import downscale
+from ciir.training.data import downscale, labels
 from ciir.training.data.corrupt import Corruption
-from ciir.training.data.labels import read_labelled
 from ciir.training.data.pictures import MEMORY, Pictures
 from ciir.training.data.stack import ORIENTATIONS, PairStack, Places, orient
 
@@ -121,6 +120,8 @@ class Crops:
         if labelled is not None:
             known = (*known, LABELLED)
         check_degradations(crop, scale, degradations, known)
+        if labelled is not None:
+            check_labelled(degradations, scale)
         self.crop, self.scale, self.batch, self.seed = crop, scale, batch, seed
         self.corruption, self.corrupted = Corruption(noise, blur, jpeg), corrupted
         photographs = Pictures(folder, memory=memory)
@@ -136,8 +137,8 @@ class Crops:
                 pairs[BICUBIC_VIEW] = [
                     Rendered(downscale.downscale_picture("bicubic", truth, scale)) for (_, truth), _ in seen
                 ]
-        if LABELLED in degradations and labelled is not None:
-            pairs[LABELLED] = [Rendered(pair) for pair in read_labelled(labelled)]
+        if labelled is not None:
+            pairs[LABELLED] = [Rendered(pair) for pair in labels.read_labelled(labelled)]
         self.groups = [_drop_small(folder, kind, pairs[kind], crop, scale) for kind in degradations]
         weights = np.array(list(degradations.values()), float)
         self.shares = weights / weights.sum()
@@ -220,6 +221,17 @@ def check_degradations(crop: int, scale: int, degradations: Mapping[str, float],
         raise ValueError(f"degradations: none given; give shares of {', '.join(known)}")
     if rendered and not {*RENDERED, BICUBIC_VIEW} & set(degradations):
         raise ValueError(f"degradations: scenes and meshes are of no use without {' or '.join(RENDERED)}; add a share")
+
+
+def check_labelled(degradations: Mapping[str, float], scale: int) -> None:
+    """Raises `ValueError` where labelled pairs have no share, or `scale` is not theirs."""
+    if LABELLED not in degradations:
+        raise ValueError(f"degradations: labelled pictures are of no use without {LABELLED}; add a share")
+    if scale != labels.SCALE:
+        raise ValueError(
+            f"scale is {scale}, and labelled pictures are {labels.SCALE} times as large as their LR; give that scale, "
+            "or no labelled pictures"
+        )
 
 
 def _render_pairs(

@@ -114,8 +114,11 @@ def gather_pictures(folders: Sequence[Path], out: Path, *, at_most: int, exclude
     """Writes tiles of up to `at_most` different pictures of each folder as PNG into `out`; returns how many tiles.
 
     `exclude`: folders of test pictures; pictures that look like one of them are skipped. The selection depends only on
-    the files' contents and paths. Raises `ValueError` where a folder holds no picture or two have one name.
+    the files' contents and paths. Raises `ValueError` where a folder holds no picture or two have one name, and where
+    `at_most` is less than 1.
     """
+    if at_most < 1:
+        raise ValueError(f"at_most is {at_most}; give 1 or more")
     Image.MAX_IMAGE_PIXELS = 2**29
     out.mkdir(parents=True, exist_ok=True)
     tested = [path for folder in exclude for path in find_files(folder) if not path.name.endswith("_LR.png")]
@@ -139,7 +142,7 @@ def gather_pictures(folders: Sequence[Path], out: Path, *, at_most: int, exclude
                 for number, tile in enumerate(kept):
                     Image.fromarray(tile).save(out / f"{folder.name}-{taken:04}-{number:02}.png", compress_level=1)
                 written += len(kept)
-                if taken == at_most:
+                if taken >= at_most:
                     break
         print(f"{folder}: {taken} pictures taken, {alike} skipped as similar to others")
     if not written:

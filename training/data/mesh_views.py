@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
+from ciir.models.light_field.network import LUMA
 from ciir.models.light_field.planes import Range
 from ciir.models.light_field.windows import WINDOW_SIDE
 from ciir.renderer.backends.embree import RaytraceBackend
@@ -23,7 +24,6 @@ from ciir.renderer.readers import inputs, meshes
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.registry import MeshFormat
 from ciir.training.data.downscale import Pair
-from ciir.training.data.light_field.layered_scenes import LUMA
 from ciir.training.data.rendered import SAMPLES, SIDE, render_views
 from ciir.training.data.solids import draw_background
 

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 import torch
 
+from ciir.models.light_field.network import LUMA
 from ciir.models.light_field.planes import Range, describe_window
 from ciir.models.light_field.windows import select_axis
 from ciir.training.data.downscale import KINDS
 from ciir.training.data.light_field.crops import Inputs
-from ciir.training.data.light_field.layered_scenes import LUMA
 from ciir.training.data.light_field.views import degrade_views, read_views
 from ciir.training.loop.validation import score_outputs
 

@@ -154,12 +154,14 @@ def draw_plot(rows: Sequence[Mapping[str, float]], losses: Sequence[str], title:
 class Progress(tqdm):  # type: ignore[misc]
     """Progress on standard error from `step` of `steps`: time left, last loss, last validation PSNR in dB.
 
-    A bar on a terminal, elsewhere a line for each validation.
+    `minutes`: after which the run ends, if it does by the clock (0: it doesn't). A bar on a terminal, elsewhere a line
+    for each validation.
     """
 
-    def __init__(self, step: int, steps: int, psnr: float) -> None:
-        self.psnr = psnr
-        super().__init__(initial=step, total=steps, unit="step", disable=None, file=sys.stderr, dynamic_ncols=True)
+    def __init__(self, step: int, steps: int, psnr: float, minutes: float = 0.0) -> None:
+        self.psnr, self.steps, self.minutes = psnr, steps, minutes
+        total = None if minutes else steps  # of which the bar would predict the end
+        super().__init__(initial=step, total=total, unit="step", disable=None, file=sys.stderr, dynamic_ncols=True)
 
     def count_step(self, loss: float | None) -> None:
         """Counts a step; `loss` where it is known."""
@@ -167,10 +169,14 @@ class Progress(tqdm):  # type: ignore[misc]
             self.set_postfix_str(f"loss {loss:.4g}, PSNR {self.psnr:.2f} dB", refresh=False)
         self.update()
 
-    def report_validation(self, step: int, *, loss: float, psnr: float, pace: float) -> None:
-        """Reports a validation after `step` with the mean loss since the previous one; `pace` in seconds a step."""
+    def report_validation(self, step: int, *, loss: float, psnr: float, pace: float, seconds: float) -> None:
+        """Reports a validation after `step` with the mean loss since the previous one; `pace` in seconds a step,
+        `seconds` since the run began.
+        """
         self.psnr = psnr
         if self.disable:
-            left = self.format_interval((self.total - step) * pace)
-            text = f"loss {loss:.4g}, PSNR {psnr:.2f} dB, {pace:.3g} s a step, {left} left"
-            print(f"step {step} of {self.total}: {text}", file=sys.stderr, flush=True)
+            left = (self.steps - step) * pace
+            if self.minutes:
+                left = max(0.0, min(left, 60 * self.minutes - seconds))
+            text = f"loss {loss:.4g}, PSNR {psnr:.2f} dB, {pace:.3g} s a step, {self.format_interval(left)} left"
+            print(f"step {step} of {self.steps}: {text}", file=sys.stderr, flush=True)

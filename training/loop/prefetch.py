@@ -28,11 +28,14 @@ def prefetch_batches(
     if not threads:
         yield from map(at, range(start, stop))
         return
-    with ThreadPoolExecutor(threads, thread_name_prefix="batches") as pool:
-        coming: deque[Future[Batch]] = deque()
+    pool = ThreadPoolExecutor(threads, thread_name_prefix="batches")
+    coming: deque[Future[Batch]] = deque()
+    try:
         for step in range(start, stop):
             coming.append(pool.submit(at, step))
             if len(coming) > max(threads, ready):
                 yield coming.popleft().result()
         while coming:
             yield coming.popleft().result()
+    finally:
+        pool.shutdown(cancel_futures=True)  # a run that is stopped waits for no batch that nobody needs

@@ -62,7 +62,7 @@ def train(recipe: Recipe, out: Path) -> Path:
     log, means, begun = Log(out, title=recipe.name, step=run.step), Means(), time.monotonic() - run.seconds
     since, at = time.monotonic(), run.step
     with (
-        Progress(run.step, recipe.steps, run.psnr) as progress,
+        Progress(run.step, recipe.steps, run.psnr, recipe.minutes) as progress,
         closing(prefetch_batches(batch_of, run.step, recipe.steps, **_choose_prefetch(recipe, run))) as coming,
         catch_signals() as signals,
     ):
@@ -79,8 +79,9 @@ def train(recipe: Recipe, out: Path) -> Path:
                 run.psnr = score(run.average)
                 rate = learning_rate(recipe, run.step - 1, run.seconds)
                 row |= {"step": run.step, "learning_rate": rate, "psnr": run.psnr}
-                log.add(row | {"seconds": time.monotonic() - begun, "seconds_per_step": pace})
-                progress.report_validation(run.step, loss=row["loss"], psnr=run.psnr, pace=pace)
+                run.seconds = time.monotonic() - begun
+                log.add(row | {"seconds": run.seconds, "seconds_per_step": pace})
+                progress.report_validation(run.step, loss=row["loss"], psnr=run.psnr, pace=pace, seconds=run.seconds)
                 since, at = time.monotonic(), run.step
             if due or signals:
                 run.seconds = time.monotonic() - begun
@@ -99,7 +100,8 @@ def train(recipe: Recipe, out: Path) -> Path:
 def report_start(recipe: Recipe, step: int) -> None:
     """Prints a line on stderr as a run starts, and a warning where it is too short for its warm-up."""
     stop = "stop with Ctrl-C, continue with the same command"
-    tqdm.write(f"training {recipe.name}: from step {step} to {recipe.steps}; {stop}", file=sys.stderr)
+    end = f"for {recipe.minutes:g} minutes in all, at most to" if recipe.minutes else "to"
+    tqdm.write(f"training {recipe.name}: from step {step} {end} {recipe.steps}; {stop}", file=sys.stderr)
     if recipe.warmup >= recipe.steps:
         tqdm.write(
             f"warmup: {recipe.warmup} of {recipe.steps} steps; the step size never reaches learning_rate",

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ciir.models.light_field.network import LUMA
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -26,14 +28,16 @@ def mse(output: Tensor, high: Tensor) -> Tensor:
 def luma(output: Tensor, high: Tensor) -> Tensor:
     """0.3 times the mean absolute difference of RGB and 0.7 times that of Y (BT.601's weights), a scalar."""
     difference = output - high
-    weights = difference.new_tensor([0.299, 0.587, 0.114])[:, None, None]
-    return 0.3 * difference.abs().mean() + 0.7 * (difference * weights).sum(1).abs().mean()
+    return 0.3 * difference.abs().mean() + 0.7 * _weigh(difference).abs().mean()
 
 
 def squared_luma(output: Tensor, high: Tensor) -> Tensor:
     """`luma`, and `SQUARES` times the mean squared difference of Y, a scalar: PSNR is of squares."""
-    weights = output.new_tensor([0.299, 0.587, 0.114])[:, None, None]
-    return luma(output, high) + SQUARES * ((output - high) * weights).sum(1).square().mean()
+    return luma(output, high) + SQUARES * _weigh(output - high).square().mean()
+
+
+def _weigh(difference: Tensor) -> Tensor:
+    return (difference * difference.new_tensor(LUMA)[:, None, None]).sum(1)
 
 
 LOSSES: dict[str, Callable[[Tensor, Tensor], Tensor]] = {

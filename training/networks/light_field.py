@@ -12,6 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from ciir.models.light_field.network import LUMA
 from ciir.training.networks.collapsible import CollapsibleConv
 from ciir.training.networks.compact import CompactGenerator
 from ciir.training.networks.guard import limit_change
@@ -34,7 +35,6 @@ CHOSEN = 5
 """Channels of the selected plane: four phases, and the deviation of the views."""
 FACTORS = (2.0, 4.0)
 """By which differences of luma and standard deviations are multiplied: they are small compared with colours."""
-LUMA = (0.299, 0.587, 0.114)
 
 
 class LightFieldGenerator(nn.Module):

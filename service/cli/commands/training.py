@@ -186,7 +186,9 @@ def _check_export(args: argparse.Namespace) -> None:
         raise InvalidOption("--int8 needs --calibrate with a folder of pictures, and the other way round")
 
 
-def _folders(names: list[str], *, what: str = "*_LR.png and *_HR.png pairs") -> list[Path]:
+def _folders(
+    names: list[str], *, what: str = "*_LR.png and *_HR.png pairs, or for a network of light fields one of views"
+) -> list[Path]:
     folders = [Path(name) for name in names]
     for folder in folders:
         if not folder.is_dir():

@@ -17,6 +17,7 @@ import numpy as np
 from ciir.errors import InvalidOption
 from ciir.models.light_field.disparities.ranges import FARTHEST
 from ciir.models.light_field.planes import Range
+from ciir.models.light_field.strides import MOVED
 from ciir.models.light_field.windows import WINDOW_SIDE
 from ciir.renderer.lens_array import LensArray
 
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
     from ciir.renderer.scene import Scene
     from ciir.renderer.views import View
 
-MOVED = 0.72
-"""Pixels that the farthest content best moves by from one view to the next: docs/experiments.md."""
 LEAST = 1 / 32
 """The least spacing."""
 

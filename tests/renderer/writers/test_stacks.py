@@ -124,7 +124,10 @@ def test_a_rate_that_viewers_dont_keep_is_refused_before_any_plane():
 
 def test_planes_of_an_earlier_run_are_removed_from_a_folder(tmp_path):
     (tmp_path / "mine.png").write_bytes(b"mine")
-    assert stacks.write_folder(tmp_path, make_stack()) == []
+    sharp = {"names": ("all_in_focus",), "describe": lambda: {"planes": [{"name": "all_in_focus"}]}}
+    assert stacks.write_folder(tmp_path, Stack(**{**vars(make_stack(PLANES[:1])), **sharp})) == []
+    assert "1" in stacks.write_folder(tmp_path, make_stack())[0]
+    assert not (tmp_path / "all_in_focus.png").exists()
     assert len(list(tmp_path.glob("plane_*"))) == 3
     assert "2" in stacks.write_folder(tmp_path, make_stack(PLANES[:1]))[0]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.png", "plane_000_d+0.000.png", "report.json"]

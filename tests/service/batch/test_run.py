@@ -121,6 +121,9 @@ def test_what_is_done_is_not_done_again(folder, capsys):
     source, target = (folder / "copy" / "in" / "arrays" / name for name in ("globe.png", "vase.png"))
     target.write_bytes(source.read_bytes())
     (folder / "copy" / "out" / ".batch" / "scratch" / "of_a_killed_worker").mkdir(parents=True)
+    for record in (folder / "copy" / "out" / ".batch" / "records").iterdir():
+        if '"out": "cube"' in record.read_text():
+            record.write_bytes(record.read_bytes()[:20])  # damaged: made anew, as what has no record is
     assert run(folder / "copy") == 0
     _, rows = read_summary(folder / "copy")
     assert {name: row["status"] for name, row in rows.items()} == {

@@ -24,6 +24,7 @@ def test_names():
     assert output_names(["a.png", "b.tif", "C.TIFF", "d.jpg"]) == {
         "a.png": "a.png", "b.tif": "b.tif", "C.TIFF": "C.tiff", "d.jpg": "d.png",
     }  # fmt: skip
+    assert output_names(["photo", "v2.1/photo"]) == {"photo": "photo.png", "v2.1/photo": "v2.1/photo.png"}
     with pytest.raises(InvalidOption, match=r"a\.jpg and a\.png.*rename"):
         output_names(["a.png", "a.jpg"])
 

@@ -166,6 +166,11 @@ def test_blur_reaches_over_the_edge_of_a_crop(recipe, monkeypatch):
         ({"blur": 21}, "blur: 21 is out of range; give 0 to 20"),
         ({"jpeg": 101}, "jpeg: 101 is out of range; give 0 to 100"),
         ({"crop": 0}, "not a multiple of the scale 2"),
+        ({"labelled": Path()}, "labelled pictures are of no use without labelled; add a share"),
+        (
+            {"labelled": Path(), "degradations": {"labelled": 1}, "scale": 4},
+            "scale is 4, and labelled pictures are 2 times as large",
+        ),
     ],
 )
 def test_wrong_arguments(recipe, given, message):

@@ -77,6 +77,8 @@ def test_each_picture_is_taken_once_and_test_pictures_never(tmp_path, capsys):
 def test_errors_are_one_line(tmp_path, capsys):
     with pytest.raises(ValueError, match="no picture of 160 pixels or more"):
         gather.gather_pictures([tmp_path], tmp_path / "out", at_most=1)
+    with pytest.raises(ValueError, match="at_most is 0; give 1 or more"):
+        gather.gather_pictures([tmp_path], tmp_path / "out", at_most=0)
     with pytest.raises(ValueError, match="no picture in it"):
         gather.gather_pictures([tmp_path], tmp_path / "out", at_most=1, exclude=[tmp_path])
     (tmp_path / "a" / "images").mkdir(parents=True)

@@ -112,11 +112,6 @@ class Fixed(torch.nn.Module):
         return torch.nn.functional.interpolate(image.reshape(image.shape[0], 3, 24, 20), scale_factor=2.0)
 
 
-class Undecided(torch.nn.Module):
-    def forward(self, image):
-        return torch.nn.functional.interpolate(image if image.mean() > 0.5 else 1 - image, scale_factor=2.0)
-
-
 def test_a_network_whose_sizes_are_fixed_is_refused():
     network = Fixed().eval()
     with pytest.raises(ValueError, match="its sizes aren't free") as caught:

@@ -82,8 +82,17 @@ def test_progress_off_a_terminal_is_a_line_for_each_validation(capsys):
     with Progress(10, 110, 30.0) as progress:
         progress.count_step(0.5)
         progress.count_step(None)
-        progress.report_validation(60, loss=0.25, psnr=33.333, pace=2.4)
+        progress.report_validation(60, loss=0.25, psnr=33.333, pace=2.4, seconds=9.0)
     assert capsys.readouterr().err == "step 60 of 110: loss 0.25, PSNR 33.33 dB, 2.4 s a step, 02:00 left\n"
+
+
+def test_the_time_left_of_a_run_by_the_clock(capsys):
+    for seconds in (90.0, 1250.0):
+        with Progress(0, 1_000_000, 30.0, minutes=20.5) as progress:
+            progress.report_validation(60, loss=0.25, psnr=33.333, pace=2.4, seconds=seconds)
+    first, last = capsys.readouterr().err.splitlines()
+    assert first.endswith(" 19:00 left")
+    assert last.endswith(" 00:00 left")
 
 
 def test_progress_on_a_terminal_shows_loss_and_psnr(capsys, monkeypatch):
@@ -91,7 +100,7 @@ def test_progress_on_a_terminal_shows_loss_and_psnr(capsys, monkeypatch):
     with Progress(0, 2, 30.0) as progress:
         progress.count_step(0.5)
         progress.count_step(0.25)
-        progress.report_validation(2, loss=0.25, psnr=33.333, pace=2.4)
+        progress.report_validation(2, loss=0.25, psnr=33.333, pace=2.4, seconds=9.0)
     shown = capsys.readouterr().err
     assert "2/2" in shown
     assert "loss 0.25, PSNR 30.00 dB" in shown

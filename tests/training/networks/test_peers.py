@@ -17,6 +17,7 @@ from ciir.training.networks.collapsible import collapse
 
 SMALL = {
     "compact": {"widths": [8, 8]},
+    "ensemble": {"widths": [8, 8]},
     "lite": {"blocks": 2, "channels": 8},
     "srgan": {"blocks": 2, "channels": 8},
     "srcnn": {},

@@ -7,9 +7,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from ciir.models.light_field.network import LUMA
 from ciir.models.light_field.windows import WINDOW_SIDE
 from ciir.training.data.light_field import grey_jpeg
-from ciir.training.data.light_field.layered_scenes import LUMA
 
 MISMATCHED = 0.04
 """Share of crops whose other views show another scene."""

@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from ciir.models.light_field.network import LUMA
 from ciir.training.data.light_field import planes
 from ciir.training.data.light_field.textures import TEXTURE, Textures
 from ciir.training.data.solids import draw_background
@@ -58,7 +59,6 @@ STEEPNESS = (4.0, 200.0)
 """How sharp a layer's edge is: over `MASK_REACH` sides of the picture divided by this."""
 FOLDED = 0.6
 """Share of layers with a straight edge that are folded there, as a roof at a wall: only some views see the fold."""
-LUMA = (0.299, 0.587, 0.114)
 
 
 class _Layers(NamedTuple):

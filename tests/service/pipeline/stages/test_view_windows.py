@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciir.models.light_field.disparities.ranges import estimate_tiles
+from ciir.models.light_field.strides import MOVED
 from ciir.models.light_field.windows import list_window
 from ciir.renderer.backends.embree import RaytraceBackend
 from ciir.renderer.framing import frame_scene
@@ -16,7 +17,7 @@ from ciir.renderer.placement import Placement
 from ciir.renderer.scene import Window
 from ciir.renderer.scenes import load_scene
 from ciir.service.pipeline import job
-from ciir.service.pipeline.stages.view_windows import LEAST, MOVED, ViewWindows, find_view_windows
+from ciir.service.pipeline.stages.view_windows import LEAST, ViewWindows, find_view_windows
 from tests.support.pipeline import run
 
 
