@@ -149,8 +149,8 @@ class Card:
         planes = next(iter(found.get(FILTERS, ())), None)
         if set(found) != {"around", "down", "across", "window"} or not isinstance(planes, int) or planes < 2:
             raise BadCard(
-                f"card {self.name}: inputs {', '.join(found)}; a light-field network has around, down, across and "
-                "window, for 2 planes and more: export it again with `ciir export`"
+                f"card {self.name}: inputs {', '.join(found)}, and {FILTERS} for {planes} planes; a light-field "
+                "network has around, down, across and window, for 2 planes and more: export it again with `ciir export`"
             )
 
 

@@ -126,10 +126,10 @@ class Recipe:
             "adversarial_weight",
             "seed",
         ):
-            if not getattr(self, name) >= 0:
-                raise ValueError(f"{name} is {getattr(self, name)}; give 0 or more")
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"{name} is {getattr(self, name)}; give a finite number of 0 or more")
         if not 0 < self.learning_rate < math.inf:
-            raise ValueError(f"learning_rate is {self.learning_rate}; give a number over 0")
+            raise ValueError(f"learning_rate is {self.learning_rate}; give a finite number over 0")
         if not 0 <= self.ema < 1:
             raise ValueError(f"ema is {self.ema}; give 0 or more and less than 1")
         if not 0 <= self.corrupted <= 1:

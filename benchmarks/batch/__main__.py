@@ -61,7 +61,7 @@ def _run(out: Path, name: str, workers: int) -> float:
     begun = time.perf_counter()
     command = [sys.executable, "-m", "ciir", "batch", str(out / "in"), "-o", str(out / name), *OPTIONS]
     cores = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, sorted(cores)[:workers])  # which what is started inherits
+    os.sched_setaffinity(0, sorted(cores)[:workers])  # child processes inherit this
     try:
         subprocess.run([*command, "--workers", str(workers)], check=True, stdout=subprocess.DEVNULL)
     finally:

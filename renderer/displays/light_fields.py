@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ciir.renderer.displays.quilt import QuiltLayout
     from ciir.renderer.light_field import LightField
     from ciir.renderer.readers.pictures import Pixels
+    from ciir.renderer.views import DepthSense
 
 LEAST_MISFIT = 0.01
 """Share by which aspects differ where a note says so."""
@@ -37,6 +38,11 @@ def order_as_cameras(light_field: LightField) -> Pixels:
     flat: Pixels = np.empty(colors.shape, views.dtype)
     flat[:] = np.rint(colors * alpha)
     return flat
+
+
+def find_row(rows: int, depth_sense: DepthSense) -> int:
+    """The row of `rows` that lenticular displays show: the middle one, or the upper one of two as cameras see them."""
+    return (rows - 1) // 2 if depth_sense == "cameras" else rows // 2
 
 
 def take_row(cameras: Pixels, count: int, *, disparity: float = 0.0) -> tuple[Pixels, tuple[str, ...]]:

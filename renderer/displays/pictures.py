@@ -11,7 +11,7 @@ from ciir.renderer.displays.depth_budget import describe_light_field, describe_n
 from ciir.renderer.displays.devices import Quilt, resolve_quilt
 from ciir.renderer.displays.integral import IntegralDisplay, parse_display
 from ciir.renderer.displays.lenticular import Calibration, interlace, parse_calibration
-from ciir.renderer.displays.light_fields import make_quilt, order_as_cameras, pad_to_aspect, take_row
+from ciir.renderer.displays.light_fields import find_row, make_quilt, order_as_cameras, pad_to_aspect, take_row
 from ciir.renderer.displays.panel import Conversion, resample_panel
 from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.displays.quilt import parse_grid, parse_name
@@ -98,14 +98,17 @@ def show_light_field(
 
     `own_aspect`: width / height that its views are shown with, where their pixels are not square. `max_pixels`: most
     pixels of a quilt, whose views are made smaller where they exceed it. Levels of a camera with fewer than 16 bits are
-    raised (`ciir.bit_depth`): displays show the whole range.
+    raised (`ciir.bit_depth`), by what no view uses that is shown: displays show the whole range.
     """
+    if not isinstance(target, IntegralDisplay):
+        shown = find_row(light_field.views.shape[0], light_field.depth_sense)
+        light_field = light_field[shown : shown + 1]
     unused = count_unused_camera_bits(light_field.views)
     if unused:
         light_field = replace(light_field, views=raise_levels(light_field.views, unused))
     height, width = light_field.views.shape[2:4]
     own, disparity = own_aspect or width / height, options.disparity
-    laid = *note_raising("display", unused), *((BLACK,) if light_field.is_transparent() else ())
+    first_notes = *note_raising("display", unused), *((BLACK,) if light_field.is_transparent() else ())
     if isinstance(target, Quilt):
         quilt, layout, notes = make_quilt(
             light_field,
@@ -115,14 +118,14 @@ def show_light_field(
             disparity=disparity,
             max_pixels=max_pixels,
         )
-        return DisplayPicture(quilt, (*laid, *notes), layout)
+        return DisplayPicture(quilt, (*first_notes, *notes), layout)
     cameras = order_as_cameras(light_field)
     if isinstance(target, IntegralDisplay):
         panel = resample_panel(cameras, target, conversion=options.conversion, disparity=disparity, progress=progress)
-        return DisplayPicture(panel, (*laid, *describe_light_field(cameras, target, disparity)), ppi=target.ppi)
+        return DisplayPicture(panel, (*first_notes, *describe_light_field(cameras, target, disparity)), ppi=target.ppi)
     count = max(NATIVE_VIEWS, cameras.shape[1])
     row, notes = take_row(cameras, count, disparity=disparity)
     notes += describe_native(cameras, target, disparity)
     row, padded = pad_to_aspect(row, own, target.aspect)
     native = interlace(row, target, progress=progress)
-    return DisplayPicture(native, (*laid, *notes, *padded), ppi=target.ppi)
+    return DisplayPicture(native, (*first_notes, *notes, *padded), ppi=target.ppi)

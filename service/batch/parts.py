@@ -122,11 +122,12 @@ def list_part_tasks(task: Task, parts: Sequence[Part]) -> list[Task]:
     return [replace(task, out=f"{folder}/{part.name}", is_file=False, part=part, whole=task.out) for part in parts]
 
 
-def _read_report(outputs: Outputs, name: str) -> Report:
+def _read_report(outputs: Outputs, name: str, record: Record) -> Report:
     try:
         report: Report = json.loads(outputs.read(name) or b"")
     except ValueError as error:
-        raise Unreadable(f"{name}: missing or damaged; run the batch again") from error
+        record.remove()  # so that the part is made again
+        raise Unreadable(f"{name}: missing or damaged; run the batch again, which makes that part anew") from error
     return report
 
 
@@ -136,7 +137,7 @@ def join(task: Task, request: Request, outputs: Outputs, record: Record) -> Outc
     records = [Record(outputs, each, request) for each in tasks]
     record.remove()
     with outputs.open_scratch() as scratch:
-        reports = [_read_report(outputs, f"{each.out}/{REPORT}") for each in tasks]
+        reports = [_read_report(outputs, f"{each.out}/{REPORT}", of) for each, of in zip(tasks, records, strict=True)]
         report = _join_reports(reports, request.options)
         pictures = [
             outputs.fetch(f"{each.out}/{view['file']}", scratch / f"{number}_{view['file']}")

@@ -6,7 +6,9 @@ import hashlib
 import json
 from typing import TYPE_CHECKING, Any
 
+from ciir.errors import Unreadable
 from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.writers.writer import REPORT
 from ciir.service.batch.places import STATE
 from ciir.service.batch.task import Outcome
 from ciir.service.batch.trace import Trace, compute_key, matches
@@ -27,11 +29,27 @@ class Record:
         part = task.part and (task.part.views, task.part.model, task.part.first, len(task.part.times))
         name = task.source.rpartition("/")[2]
         self._key = compute_key(name, task.out, task.is_file, task.is_video, part, options=request.options)
-        self._kept = _parse(outputs.read(self._name))
+        self._kept: dict[str, Any] = self._read(task)
+
+    def _read(self, task: Task) -> dict[str, Any]:
+        """What the record holds, nothing where there is none; of a damaged one, whose output is made anew, the files
+        that the output's own report lists.
+        """
+        data = self._outputs.read(self._name)
+        if data is None:
+            return {}
+        kept = _parse(data)
+        if kept.keys() >= {"key", "run", "files", "trace", "report"}:
+            return kept
+        report = f"{task.out}/{REPORT}"
+        views = [] if task.is_file else _parse(self._outputs.read(report)).get("views", [])
+        return {"files": [task.out] if task.is_file else [report, *(f"{task.out}/{view['file']}" for view in views)]}
 
     @property
     def trace(self) -> Trace:
-        """What was read for the output."""
+        """What was read for the output. Raises `Unreadable` where the record is missing or damaged."""
+        if "trace" not in self._kept:
+            raise Unreadable(f"{self._name}: missing or damaged; run the batch again, which makes {self._out} anew")
         return dict(self._kept["trace"])
 
     @property
@@ -61,7 +79,7 @@ class Record:
 
     def is_of(self, run: str) -> bool:
         """Whether the output was made in that run."""
-        return run != "" and bool(self._kept["run"] == run)
+        return run != "" and bool(self._kept.get("run") == run)
 
     def write(self, files: list[str], trace: Trace, report: Report) -> Outcome:
         """Records that the output is there."""
@@ -82,9 +100,9 @@ def hash_name(out: str) -> str:
 
 
 def _parse(data: bytes | None) -> dict[str, Any]:
-    """What a record holds; nothing where there is none, or a damaged one, whose output is made anew."""
+    """A JSON object; an empty one for anything else."""
     try:
-        kept = json.loads(data or b"{}")
+        found = json.loads(data or b"")
     except ValueError:
         return {}
-    return kept if isinstance(kept, dict) else {}
+    return found if isinstance(found, dict) else {}

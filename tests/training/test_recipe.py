@@ -12,7 +12,7 @@ SHIPPED = sorted((ROOT / "training" / "recipes").glob("*.toml"))
 SHIPPED_BEFORE = {"fast": "fast-seventh", "quality": "quality-sixth"}
 """Network -> the run that made it when other recipes started from `models/shipped`."""
 SHIPPED_THEN = {"best-second": "quality-eighth"}
-"""Recipe -> the run that had made the network by when it started."""
+"""Recipe -> the run of the network that shipped when it started."""
 SMALLEST = 'name = "a"\nnetwork = "lite"\ntrain = "t"\nvalidate = "v"\nsteps = 5\n'
 
 
@@ -47,11 +47,11 @@ def test_defaults(smallest):
         (SMALLEST.replace("steps = 5", "steps = 0"), "steps is 0; give 1 or more"),
         (SMALLEST + "validate_every = 0\n", "validate_every is 0"),
         (SMALLEST + "batch = -1\n", "batch is -1"),
-        (SMALLEST + "minutes = -1\n", "minutes is -1; give 0 or more"),
-        (SMALLEST + "noise = -0.5\n", "noise is -0.5; give 0 or more"),
+        (SMALLEST + "minutes = -1\n", "minutes is -1; give a finite number of 0 or more"),
+        (SMALLEST + "noise = -0.5\n", "noise is -0.5; give a finite number of 0 or more"),
         (SMALLEST + "clip = nan\n", "clip is nan"),
-        (SMALLEST + "learning_rate = 0\n", "learning_rate is 0; give a number over 0"),
-        (SMALLEST + "learning_rate = inf\n", "learning_rate is inf; give a number over 0"),
+        (SMALLEST + "learning_rate = 0\n", "learning_rate is 0; give a finite number over 0"),
+        (SMALLEST + "learning_rate = inf\n", "learning_rate is inf; give a finite number over 0"),
         (SMALLEST + "ema = 1.0\n", "ema is 1.0; give 0 or more and less than 1"),
         (SMALLEST + "jpeg = 101\n", "jpeg is 101"),
         (SMALLEST + "corrupted = 1.5\n", "corrupted is 1.5; give a share of 0 to 1"),
@@ -132,7 +132,7 @@ def test_a_shipped_recipe_starts_from_shipped_ones(path):
             assert held == alone or initial.suffix == ".onnx"
             continue
         assert before.scale == this.scale
-        assert before.network == ("compact" if this.network == "ensemble" else this.network)  # of whose generators
+        assert before.network == {"ensemble": "compact"}.get(this.network, this.network)  # an ensemble is of those
         without_weights = {"slope", "guard", "rounded"}
         ours, theirs = ({k: v for k, v in one.options.items() if k not in without_weights} for one in (this, before))
         if initial.suffix == ".onnx":

@@ -142,7 +142,7 @@ def gather_pictures(folders: Sequence[Path], out: Path, *, at_most: int, exclude
                 for number, tile in enumerate(kept):
                     Image.fromarray(tile).save(out / f"{folder.name}-{taken:04}-{number:02}.png", compress_level=1)
                 written += len(kept)
-                if taken >= at_most:
+                if taken == at_most:
                     break
         print(f"{folder}: {taken} pictures taken, {alike} skipped as similar to others")
     if not written:

@@ -12,7 +12,7 @@ from onnx import numpy_helper
 from torch import nn
 
 from ciir.training.networks.collapsible import CollapsibleConv
-from ciir.training.networks.ensemble import Ensemble, split_weights
+from ciir.training.networks.ensemble import Ensemble, count_members, split_weights
 from ciir.training.networks.light_field import CHOSEN, FACTORS, LightFieldGenerator
 
 if TYPE_CHECKING:
@@ -83,8 +83,15 @@ def _match(network: nn.Module, found: dict[str, Tensor]) -> tuple[nn.Module, dic
             return network.single, found
         if f"{MERGED}.weight" in found:
             _split_merged(network, found)
-    elif isinstance(network, Ensemble) and not any(name.startswith("members.") for name in found):
-        return network, split_weights(found, len(network.members))
+    elif isinstance(network, Ensemble):
+        there, here = count_members(found), len(network.members)
+        if not there:
+            return network, split_weights(found, here)
+        if there != here:
+            raise ValueError(
+                f"initial: an ensemble of {there} generators, and members is {here}; set members = {there} in options, "
+                "or name another"
+            )
     return network, found
 
 

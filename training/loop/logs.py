@@ -154,19 +154,23 @@ def draw_plot(rows: Sequence[Mapping[str, float]], losses: Sequence[str], title:
 class Progress(tqdm):  # type: ignore[misc]
     """Progress on standard error from `step` of `steps`: time left, last loss, last validation PSNR in dB.
 
-    `minutes`: after which the run ends, if it does by the clock (0: it doesn't). A bar on a terminal, elsewhere a line
-    for each validation.
+    `minutes`: after which the run ends, if it does by the clock (0: it doesn't), of which `seconds` were before. A bar
+    on a terminal, which counts steps alone where the clock ends the run; elsewhere a line for each validation.
     """
 
-    def __init__(self, step: int, steps: int, psnr: float, minutes: float = 0.0) -> None:
-        self.psnr, self.steps, self.minutes = psnr, steps, minutes
-        total = None if minutes else steps  # of which the bar would predict the end
+    def __init__(self, step: int, steps: int, psnr: float, minutes: float = 0.0, seconds: float = 0.0) -> None:
+        self.psnr, self.steps, self.minutes, self.before = psnr, steps, minutes, seconds
+        total = None if minutes else steps  # a bar's time left would be that of all steps
         super().__init__(initial=step, total=total, unit="step", disable=None, file=sys.stderr, dynamic_ncols=True)
 
     def count_step(self, loss: float | None) -> None:
         """Counts a step; `loss` where it is known."""
         if loss is not None:
-            self.set_postfix_str(f"loss {loss:.4g}, PSNR {self.psnr:.2f} dB", refresh=False)
+            left = ""
+            if self.minutes:
+                seconds = max(0.0, 60 * self.minutes - self.before - self.format_dict["elapsed"])
+                left = f", {self.format_interval(seconds)} left"
+            self.set_postfix_str(f"loss {loss:.4g}, PSNR {self.psnr:.2f} dB{left}", refresh=False)
         self.update()
 
     def report_validation(self, step: int, *, loss: float, psnr: float, pace: float, seconds: float) -> None:

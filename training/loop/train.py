@@ -62,7 +62,7 @@ def train(recipe: Recipe, out: Path) -> Path:
     log, means, begun = Log(out, title=recipe.name, step=run.step), Means(), time.monotonic() - run.seconds
     since, at = time.monotonic(), run.step
     with (
-        Progress(run.step, recipe.steps, run.psnr, recipe.minutes) as progress,
+        Progress(run.step, recipe.steps, run.psnr, recipe.minutes, run.seconds) as progress,
         closing(prefetch_batches(batch_of, run.step, recipe.steps, **_choose_prefetch(recipe, run))) as coming,
         catch_signals() as signals,
     ):

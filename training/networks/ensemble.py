@@ -1,7 +1,7 @@
 """Several of our generators side by side, whose changes are added: an ensemble, trained as one network.
 
-Begun from one generator (`split_weights`), each member starts turned by another quarter (geometric self-ensemble: EDSR,
-Lim et al., CVPRW 2017). The turn is in its kernels: no picture is turned when the network runs.
+Where it starts from one generator (`split_weights`), each member is turned by another quarter (geometric self-ensemble:
+EDSR, Lim et al., CVPRW 2017). The turn is in its kernels: no picture is turned when the network runs.
 """
 
 from __future__ import annotations
@@ -37,7 +37,11 @@ class Ensemble(nn.Module):
         guard: bool = False,
         rounded: bool = False,
     ) -> None:
-        """`members`: how many generators; the other options are of each, see `compact.CompactGenerator`."""
+        """`members`: how many generators. `guard`: whether the sum is limited (`guard.limit_change`). The other options
+        are of each: see `compact.CompactGenerator`. Raises `ValueError` for less than one member.
+        """
+        if members < 1:
+            raise ValueError(f"members is {members}; give 1 or more")
         super().__init__()
         self.scale, self.guard = scale, guard
         self.members = nn.ModuleList(CompactGenerator(widths, scale, slope, rounded=rounded) for _ in range(members))
@@ -53,16 +57,21 @@ class Ensemble(nn.Module):
 
 
 def split_weights(found: Mapping[str, Tensor], members: int) -> dict[str, Tensor]:
-    """Makes an ensemble's weights out of one generator's plain ones, by name: it computes the mean of what the
-    generator makes of a picture that is turned by 0, 1, 2, ... quarters, turned back.
+    """Makes an ensemble's weights out of one generator's plain ones, by name: without a limit it computes the mean of
+    what the generator makes of a picture that is turned by 0, 1, 2, ... quarters, turned back.
     """
     made = {}
     for member in range(members):
         for name, weight in found.items():
             turned = weight.rot90(-member, (2, 3)) if weight.ndim == 4 else weight
-            if name.startswith("tail."):
-                side = math.isqrt(len(weight) // COLOURS)  # of the phases, which turn too
+            side = math.isqrt(len(weight) // COLOURS)  # of the phases, which turn too
+            if name.startswith("tail.") and len(weight) == COLOURS * side**2:
                 phases = turned.reshape(COLOURS, side, side, *weight.shape[1:])
                 turned = phases.rot90(-member, (1, 2)).reshape(weight.shape) / members
             made[f"members.{member}.{name}"] = turned
     return made
+
+
+def count_members(found: Mapping[str, Tensor]) -> int:
+    """How many generators these weights are of, by their names; 0 for those of no ensemble."""
+    return len({name.split(".")[1] for name in found if name.startswith("members.")})

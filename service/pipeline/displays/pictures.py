@@ -11,6 +11,7 @@ from ciir.renderer.displays.depth_budget import measure_integral, measure_lentic
 from ciir.renderer.displays.devices import Quilt
 from ciir.renderer.displays.integral import IntegralDisplay
 from ciir.renderer.displays.lenticular import Calibration
+from ciir.renderer.displays.light_fields import find_row
 from ciir.renderer.displays.panel import render_panel
 from ciir.renderer.displays.pictures import USES, DisplayPicture, find_kind, find_target, show_light_field
 from ciir.renderer.displays.progress import Progress, ignore_progress
@@ -102,9 +103,8 @@ def make_picture(
 def _load_views(views: ViewFiles, target: Target) -> LightField:
     """The views that the display shows: of a lenticular one the row that `take_row` takes."""
     if not isinstance(target, IntegralDisplay):
-        rows = views.shape[0]
-        middle = (rows - 1) // 2 if views.depth_sense == "cameras" else rows // 2
-        views = replace(views, files=views.files[middle : middle + 1])
+        row = find_row(views.shape[0], views.depth_sense)
+        views = replace(views, files=views.files[row : row + 1])
     return views.load()
 
 

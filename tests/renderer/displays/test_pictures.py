@@ -8,7 +8,7 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.writers.options import WriterOptions
 
 
-@pytest.mark.parametrize(("bits", "unused"), [(10, 6), (12, 4), (16, 0)])
+@pytest.mark.parametrize(("bits", "unused"), [(10, 6), (11, 4), (12, 4), (16, 0)])
 def test_levels_of_a_camera_fill_the_range(bits, unused):
     """As of a camera of 16 bits that saw the same: a display would show them nearly black."""
     views = np.random.default_rng(1).integers(0, 2**bits, (1, 3, 8, 12, 3), np.uint16)
@@ -23,4 +23,15 @@ def test_levels_of_a_camera_fill_the_range(bits, unused):
     if not unused:
         assert not raised
     else:
-        assert raised == [f"display: no level is over {2**bits - 1}, so levels are multiplied by {2**unused}"]
+        most = 2 ** (16 - unused) - 1
+        assert raised == [f"display: no level is over {most}, so levels are multiplied by {2**unused}"]
+
+
+@pytest.mark.parametrize(("sense", "shown"), [("cameras", 0), ("lenses", 1)])
+def test_only_what_is_shown_counts(sense, shown):
+    """A folder's other rows are not even read."""
+    views = np.full((2, 3, 8, 12, 3), 1000, np.uint16)
+    views[1 - shown] = 65535
+    target, options = find_target("quilt", WriterOptions(quilt="3x1", aspect=1.5)), WriterOptions()
+    made = show_light_field(LightField(views, depth_sense=sense), target, options)
+    assert (made.pixels == 64000).all()

@@ -18,7 +18,9 @@ def test_none_is_the_default_and_numbers_of_numpy_are_numbers():
         ({"frames": 2.5}, "frames: '2.5' is not taken; give a whole number"),
         ({"fps": "fast"}, "fps: 'fast' is not taken; give a number"),
         ({"fps": np.float64("nan")}, "fps: nan is out of range; give "),
-        ({"device": 3}, "device: '3' is not taken; give a text"),
+        ({"device": 3}, "device: '3' is not taken; give text"),
+        ({"calibration": 3}, "calibration: '3' is not taken; give a path"),
+        ({"display": b"x"}, "display: .* is not taken; give a path"),
     ],
 )
 def test_other_values_are_refused(given, message):

@@ -121,9 +121,6 @@ def test_what_is_done_is_not_done_again(folder, capsys):
     source, target = (folder / "copy" / "in" / "arrays" / name for name in ("globe.png", "vase.png"))
     target.write_bytes(source.read_bytes())
     (folder / "copy" / "out" / ".batch" / "scratch" / "of_a_killed_worker").mkdir(parents=True)
-    for record in (folder / "copy" / "out" / ".batch" / "records").iterdir():
-        if '"out": "cube"' in record.read_text():
-            record.write_bytes(record.read_bytes()[:20])  # damaged: made anew, as what has no record is
     assert run(folder / "copy") == 0
     _, rows = read_summary(folder / "copy")
     assert {name: row["status"] for name, row in rows.items()} == {
@@ -135,6 +132,30 @@ def test_what_is_done_is_not_done_again(folder, capsys):
     assert (out / "arrays/vase/view_01_01.png").read_bytes() == (out / "arrays/globe/view_01_01.png").read_bytes()
     assert sorted(path.name for path in (out / ".batch").iterdir()) == ["lock", "records"]
     assert "2 of 3 inputs done, 1 done before" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("content", [b'{"out": "cube", "k', b'{"key": 1}', b"[]", b""])
+def test_what_has_a_damaged_record_is_made_anew(folder, content):
+    copy = folder / f"copy of {len(content)}"
+    shutil.copytree(folder / "in", copy / "in")
+    shutil.copytree(folder / "out", copy / "out")
+    (copy / "in" / "broken.png").unlink()
+    (record,) = (
+        path for path in (copy / "out" / ".batch" / "records").iterdir() if '"out": "cube"' in path.read_text()
+    )
+    record.write_bytes(content)
+    (view,) = (copy / "out" / "cube").glob("*.png")
+    before, stale = view.read_bytes(), view.with_name("view_00_09.png")
+    report = json.loads((copy / "out" / "cube" / "report.json").read_text())
+    report["views"].append(report["views"][0] | {"file": stale.name})
+    (copy / "out" / "cube" / "report.json").write_text(json.dumps(report))
+    stale.write_bytes(before)
+    view.write_bytes(b"")
+    assert run(copy) == 0
+    _, rows = read_summary(copy)
+    assert rows["cube"]["status"] == "done"
+    assert view.read_bytes() == before
+    assert not stale.exists()
 
 
 def test_a_large_light_field_goes_through_the_engine_in_parts(folder, tmp_path, monkeypatch):

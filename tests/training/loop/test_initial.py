@@ -99,6 +99,21 @@ def test_another_network_is_refused(exported):
     assert "\n" not in str(caught.value)
 
 
+@torch.no_grad()
+def test_an_ensemble_starts_from_one_generator_or_from_as_many(tmp_path):
+    generator = make("compact", 1, guard=False)
+    path = tmp_path / "compact.onnx"
+    path.write_bytes(to_onnx.convert_network(simplify_network(generator), 2))
+    ensemble = make("ensemble", 2, guard=False, members=3)
+    load_onnx_weights(ensemble, path)
+    image = torch.rand(1, 3, 9, 11)
+    turned = [generator(image.rot90(k, (2, 3))).rot90(-k, (2, 3)) for k in range(3)]
+    assert_alike(ensemble(image), torch.stack(turned).mean(0))
+    path.write_bytes(to_onnx.convert_network(simplify_network(ensemble), 2))
+    with pytest.raises(ValueError, match="an ensemble of 3 generators, and members is 2; set members = 3"):
+        load_onnx_weights(make("ensemble", 2), path)
+
+
 def test_a_run_starts_from_the_file(exported, recipe):
     kind, network, path = exported
     run = Run(replace(recipe, network=kind, options=OPTIONS[kind], initial=str(path)))

@@ -1,3 +1,4 @@
+import re
 import sys
 
 import pytest
@@ -90,9 +91,21 @@ def test_the_time_left_of_a_run_by_the_clock(capsys):
     for seconds in (90.0, 1250.0):
         with Progress(0, 1_000_000, 30.0, minutes=20.5) as progress:
             progress.report_validation(60, loss=0.25, psnr=33.333, pace=2.4, seconds=seconds)
-    first, last = capsys.readouterr().err.splitlines()
+    with Progress(0, 100, 30.0, minutes=20.5) as progress:  # whose steps end before its minutes
+        progress.report_validation(60, loss=0.25, psnr=33.333, pace=2.0, seconds=9.0)
+    first, last, short = capsys.readouterr().err.splitlines()
     assert first.endswith(" 19:00 left")
     assert last.endswith(" 00:00 left")
+    assert short.endswith(" 01:20 left")
+
+
+def test_a_bar_of_a_run_by_the_clock_shows_the_time_left(capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    with Progress(0, 1_000_000, 30.0, minutes=20.5, seconds=600.0) as progress:
+        progress.count_step(0.5)
+    shown = capsys.readouterr().err
+    assert re.search(r"loss 0\.5, PSNR 30\.00 dB, 10:(30|29) left", shown)
+    assert "1000000" not in shown
 
 
 def test_progress_on_a_terminal_shows_loss_and_psnr(capsys, monkeypatch):

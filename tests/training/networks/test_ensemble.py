@@ -4,10 +4,14 @@ import pytest
 
 pytest.importorskip("torch", reason="needs the training extra")
 import torch
+from torch.nn import functional
 
+from ciir.training.networks import make_network
 from ciir.training.networks.collapsible import CollapsibleConv, collapse
 from ciir.training.networks.compact import CompactGenerator
 from ciir.training.networks.ensemble import Ensemble, split_weights
+from ciir.training.networks.guard import limit_change
+from ciir.training.networks.rounding import RoundedReLU
 
 
 @pytest.mark.parametrize("members", [1, 2, 3, 4])
@@ -31,13 +35,35 @@ def test_it_begins_as_the_mean_over_turns(members, scale):
         assert (turned[0] - turned[1]).abs().max() > 0.01
 
 
-def test_each_member_is_trained_and_the_limit_is_of_the_sum():
+def test_each_member_is_trained():
     torch.manual_seed(6)
     ensemble = Ensemble((8, 8), guard=True)
-    image = torch.rand(1, 3, 9, 9)
-    ensemble(image).square().mean().backward()
+    ensemble(torch.rand(1, 3, 9, 9)).square().mean().backward()
     layers = [layer for layer in ensemble.modules() if isinstance(layer, CollapsibleConv)]
     assert len(layers) == 6
     assert all(layer.kernel.grad.abs().max() > 0 for layer in layers)
-    flat = torch.full((1, 3, 9, 9), 0.3)
-    torch.testing.assert_close(ensemble(flat), torch.full((1, 3, 18, 18), 0.3), atol=1e-6, rtol=0)
+
+
+@torch.no_grad()
+def test_the_limit_is_that_of_the_sum():
+    torch.manual_seed(7)
+    ensemble = Ensemble((8, 8), guard=True)
+    for member in ensemble.members:
+        member.tail.kernel.mul_(30)  # far beyond the limit
+    image = torch.rand(1, 3, 9, 9)
+    changes = [member.compute_change(image) for member in ensemble.members]
+    base = ensemble.members[0].base(image)
+    wanted = functional.pixel_shuffle(limit_change(changes[0] + changes[1], image) + base, 2)
+    torch.testing.assert_close(ensemble(image), wanted, atol=1e-5, rtol=0)
+    each = functional.pixel_shuffle(sum(limit_change(change, image) for change in changes) + base, 2)
+    assert (each - wanted).abs().max() > 0.01
+
+
+def test_options_are_those_of_each_member():
+    ensemble = make_network("ensemble", {"widths": [8, 8], "members": 3, "rounded": True})
+    rounded = [layer for layer in ensemble.modules() if isinstance(layer, RoundedReLU)]
+    assert len(rounded) == 6
+    leaky = make_network("ensemble", {"widths": [8, 8], "slope": 0.125})
+    assert {layer.negative_slope for layer in leaky.modules() if isinstance(layer, torch.nn.LeakyReLU)} == {0.125}
+    with pytest.raises(ValueError, match="members is 0; give 1 or more"):
+        make_network("ensemble", {"widths": [8, 8], "members": 0})
