@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import av
 import numpy as np
@@ -158,3 +159,25 @@ def test_parts_that_are_there_are_not_made_again(film, tmp_path, monkeypatch):
     first, *_ = parts.list_part_tasks(task, work(task, request).parts)
     assert work(first, request).status == "done"
     assert [outcome.status for outcome in run(task, request)[0]] == ["cut", "kept", "done", "done", "done"]
+
+
+@pytest.mark.parametrize("damaged", ["report", "record"])
+def test_a_damaged_part_fails_the_whole_once(film, tmp_path, monkeypatch, damaged):
+    """Between the part and the join; the next run makes it anew."""
+    monkeypatch.setattr(parts, "MOST_FRAMES", 3)
+    request = Request(Options(lenses=(16, 16), model="none"), str(tmp_path))
+    task = Task(str(film), "film", is_video=True)
+    some = parts.list_part_tasks(task, work(task, request).parts)
+    assert [work(part, request).status for part in some] == ["done"] * 3
+    if damaged == "report":
+        place = tmp_path / some[0].out / "report.json"
+    else:
+        (place,) = (path for path in (tmp_path / ".batch" / "records").iterdir() if some[0].out in path.read_text())
+    place.write_bytes(place.read_bytes()[:50])
+    failed = work(replace(task, joined=tuple(part.part for part in some)), request)
+    assert failed.status == "failed"
+    assert failed.error.count("\n") == 0
+    assert "missing or damaged; run the batch again" in failed.error
+    outcomes, last = run(task, request)
+    assert [outcome.status for outcome in outcomes] == ["cut", "done", "kept", "kept", "done"]
+    assert last.status == "done"
