@@ -64,8 +64,9 @@ def split_weights(found: Mapping[str, Tensor], members: int) -> dict[str, Tensor
     for member in range(members):
         for name, weight in found.items():
             turned = weight.rot90(-member, (2, 3)) if weight.ndim == 4 else weight
-            side = math.isqrt(len(weight) // COLOURS)  # of the phases, which turn too
-            if name.startswith("tail.") and len(weight) == COLOURS * side**2:
+            outputs = weight.shape[0] if weight.ndim else 0  # the file holds other constants too
+            side = math.isqrt(outputs // COLOURS)  # of the phases, which turn too
+            if name.startswith("tail.") and outputs == COLOURS * side**2:
                 phases = turned.reshape(COLOURS, side, side, *weight.shape[1:])
                 turned = phases.rot90(-member, (1, 2)).reshape(weight.shape) / members
             made[f"members.{member}.{name}"] = turned
