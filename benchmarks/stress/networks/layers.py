@@ -24,8 +24,9 @@ FLOAT16 = 65504.0
 HEADROOM = 64.0
 """How many times larger than anything met float16's limit must be: sums on the way to a value may pass it by as much as
 a filter has entries of either sign, and other weights of the same design by a little."""
-GROWTH = 16.0
-"""How many times the largest value may grow in one layer. Four such layers in a row would reach `FLOAT16` from 1."""
+GROWTH = 32.0
+"""How many times the largest value may grow in one layer. Three such layers in a row would reach half of `FLOAT16` from
+1."""
 PICTURES = 0.01
 """Share of a tensor's values that may lie on the ends of its int8 grid for pictures: grids are chosen for least squared
 error, which cuts rare values, and one in a hundred is no longer rare."""

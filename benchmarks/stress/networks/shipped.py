@@ -28,6 +28,8 @@ UNSEEN = 0.5 / 65535
 
 BATCH = 32
 """Pictures in one run."""
+REFERENCE_OPSET = 21
+"""That the reference evaluator is given: it lacks DequantizeLinear of 18, which our networks have."""
 
 
 def read_weights(name: str) -> bytes:
@@ -70,8 +72,9 @@ def load_reference(name: str) -> Callable[[Values], Values]:
     """The network as the ONNX package's reference evaluator computes it, in numpy, node by node."""
     import onnx
     from onnx.reference import ReferenceEvaluator
+    from onnx.version_converter import convert_version
 
-    evaluator = ReferenceEvaluator(onnx.load_from_string(read_weights(name)))
+    evaluator = ReferenceEvaluator(convert_version(onnx.load_from_string(read_weights(name)), REFERENCE_OPSET))
 
     def run(images: Values) -> Values:
         outputs = (cast("list[Values]", evaluator.run(None, {"image": part})) for part in split_batch(images))

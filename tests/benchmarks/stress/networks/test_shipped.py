@@ -36,3 +36,12 @@ def test_twins():
     effort = Effort(("fast", "fast-int8", "gan"))
     assert list(shipped.list_int8_twins(effort)) == [("fast", "fast-int8")]
     assert list(shipped.list_float_networks(effort)) == ["fast", "gan"]
+
+
+@pytest.mark.parametrize("name", ["fast", "best-int8", "paper"])
+def test_the_reference_computes_the_same(name):
+    pytest.importorskip("onnx", reason="needs the training extra")
+    images = noise(1, 3, 9, 12)
+    difference = np.abs(shipped.load_network(name)(images) - shipped.load_reference(name)(images))
+    # Codes of int8 may round to a neighbour; float sums are taken in another order.
+    assert difference.max() <= (3 / 255 if shipped.is_int8(name) else shipped.UNSEEN)
