@@ -109,7 +109,7 @@ def test_a_model_of_single_pictures_goes_view_by_view(tmp_path):
 
 
 def test_a_network_that_is_not_there():
-    with pytest.raises(UnknownModel, match="no 'feild' here; give one of fast, fast-int8, field, field-int8"):
+    with pytest.raises(UnknownModel, match="no 'feild' here; give one of best, best-int8, fast, fast-int8"):
         load_network("feild", 2)
     with pytest.raises(UnsupportedScale):
         load_network("fast", 4)
