@@ -87,7 +87,7 @@ def empty_folder(tmp_path, monkeypatch):
         (["evaluate", "fast", "a", "--grid", "5x5"], ["--grid", "--light-field"]),
         (["evaluate", "--light-field", "gone"], ["gone", "no such folder", "views"]),
         (["evaluate", "--light-field", ".", "--grid", "5"], ["grid: '5'", "rows x columns"]),
-        (["evaluate", "--light-field", ".", "fast", "a"], ["'a'", "give one of best, best-int8, fast, fast-int8, field"]),
+        (["evaluate", "--light-field", ".", "fast", "a"], ["'a'", "give one of best, best-int8, fast, fast-int8"]),
         (["evaluate", "--light-field", ".", "fast", "."], ["'.'", "give one of them"]),
         (["evaluate", "--light-field", ".", "--json", "."], ["a folder is there"]),
         (["evaluate", "fast", "a", "--pixels", "5x5"], ["--pixels", "--light-field"]),
