@@ -54,8 +54,8 @@ class Window(NamedTuple):
 
     down: NDArray[np.float32]
     """The filters of the window's rows, `(count, 3, WINDOW_SIDE, 2*REACH + 1)`. For each plane: of the fine samples at
-    -`PHASE` and +`PHASE` LR pixels, each with the sum 1; and the weights of samples that lie close together, whose
-    deviation tells whether the plane is right, also with the sum 1."""
+    -`PHASE` and +`PHASE` LR pixels, each with the sum 1; and, with the same sum, the weights of samples that lie
+    close together, whose deviation tells whether the plane is right."""
     across: NDArray[np.float32]
     """The same of its columns."""
     description: NDArray[np.float32]

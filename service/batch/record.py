@@ -41,9 +41,15 @@ class Record:
         kept = _parse(data)
         if kept.keys() >= {"key", "run", "files", "trace", "report"}:
             return kept
+        if task.is_file:
+            return {"files": [task.out]}
         report = f"{task.out}/{REPORT}"
-        views = [] if task.is_file else _parse(self._outputs.read(report)).get("views", [])
-        return {"files": [task.out] if task.is_file else [report, *(f"{task.out}/{view['file']}" for view in views)]}
+        try:
+            names = [str(view["file"]) for view in _parse(self._outputs.read(report))["views"]]
+        except (LookupError, TypeError):  # none, or of another program
+            names = []
+        inside = [name for name in names if not {"/", "\\"} & {*name}]  # they are removed: none outside of the folder
+        return {"files": [report, *(f"{task.out}/{name}" for name in inside)]}
 
     @property
     def trace(self) -> Trace:

@@ -148,6 +148,9 @@ def test_what_has_a_damaged_record_is_made_anew(folder, content):
     before, stale = view.read_bytes(), view.with_name("view_00_09.png")
     report = json.loads((copy / "out" / "cube" / "report.json").read_text())
     report["views"].append(report["views"][0] | {"file": stale.name})
+    other = copy / "out" / "mine.png"
+    other.write_bytes(before)
+    report["views"].append(report["views"][0] | {"file": "../mine.png"})  # which is not the output's
     (copy / "out" / "cube" / "report.json").write_text(json.dumps(report))
     stale.write_bytes(before)
     view.write_bytes(b"")
@@ -156,6 +159,7 @@ def test_what_has_a_damaged_record_is_made_anew(folder, content):
     assert rows["cube"]["status"] == "done"
     assert view.read_bytes() == before
     assert not stale.exists()
+    assert other.exists()
 
 
 def test_a_large_light_field_goes_through_the_engine_in_parts(folder, tmp_path, monkeypatch):
