@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
+
 from ciir.benchmarks.harm import score
 from tests.support.networks import StandIn
 
