@@ -10,9 +10,10 @@ import numpy as np
 from ciir.bit_depth import count_unused_bits, lower_levels, raise_levels
 from ciir.errors import InvalidImage
 from ciir.models.light_field.batches import Part, make_batches
-from ciir.models.light_field.disparities.ranges import measure_range
+from ciir.models.light_field.disparities.ranges import measure_ranges
 from ciir.models.light_field.disparities.shifts import (
     crop_luma,
+    list_neighbours,
     make_no_shifts,
     measure_shifts,
     select_shifted,
@@ -163,12 +164,10 @@ def _upscale_distinct(
     """The views `wanted`, and how each was finished."""
     scale, first = job.network.scale, job.views[wanted[0]]
     height, width, channels = first.shape
-    measured = [_measure_disparities(job, view) for view in wanted]
     output = _Output(
         np.empty((len(wanted), height * scale, width * scale, channels), first.dtype),
         np.empty((len(wanted), height, width, 1), np.float32),
-        [shifts for shifts, _ in measured],
-        [disparities for _, disparities in measured],
+        *_measure_disparities(job, wanted),
     )
     by_shift: dict[int, dict[int, View]] = {}
     for number, view in enumerate(wanted):
@@ -188,12 +187,16 @@ def _upscale_distinct(
     return output.pictures, made
 
 
-def _measure_disparities(job: _Job, view: View) -> tuple[NDArray[np.int64], Range]:
-    """The shifts of a view's tiles, and the range of the disparities that they leave."""
+def _measure_disparities(job: _Job, wanted: Sequence[View]) -> tuple[list[NDArray[np.int64]], list[Range]]:
+    """The shifts of each view's tiles, and the range of the disparities that they leave."""
     if job.disparities is not None:
-        return make_no_shifts(job.views[view]), job.disparities
-    shifts = measure_shifts(job.views, view, job.grid)
-    return shifts, measure_range(job.views, view, job.grid, shifts)
+        height, width, _ = job.views[wanted[0]].shape
+        return [make_no_shifts(height, width) for _ in wanted], [job.disparities] * len(wanted)
+    beside = (list_neighbours([view], job.grid).values() for view in wanted)
+    required = {*wanted, *(other for some in beside for others in some for other in others)}
+    lumas = {view: crop_luma(job.views[view]) for view in required}
+    shifts = measure_shifts(lumas, wanted, job.grid)
+    return shifts, measure_ranges(lumas, wanted, job.grid, shifts)
 
 
 def _fill_background(job: _Job, view: View, output: _Output, number: int) -> Pixels | None:

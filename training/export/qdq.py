@@ -4,7 +4,8 @@ The form that onnxruntime calls QDQ, S8S8/U8S8 with symmetric weights, one scale
 are unsigned 8 bit, `value = scale * (code - zero)`; biases are 32 bit with the scale of the products.
 
 The integer kernels of processors with VNNI need input channels in fours and output channels in sixteens, and are 2 to 4
-times slower otherwise. So zeros are added to pictures and filters, and cut off again after each layer.
+times slower otherwise. So zeros are added to pictures and filters, and cut off again where a layer that doesn't run in
+8 bits reads them.
 
 Where a layer's input joins the outputs of others behind ReLUs, each part has a grid of its own: its codes are joined as
 they are, and filters are scaled by the ratio of the grids. A part with negative values, of which there may be one, is
@@ -138,6 +139,7 @@ class _GraphRewriter:
     def __init__(self, model: onnx.ModelProto, grids: Mapping[str, Grid], kept: Collection[str]) -> None:
         self.model, self.grids = model, grids
         self.weights = {value.name: value for value in model.graph.initializer}
+        self.makers = {output: node for node in model.graph.node for output in node.output}
         chosen = [layer for layer in find_layers(model) if layer.name not in kept]
         self.convolutions = {layer.convolution.output[0]: layer for layer in chosen}
         self.activations = {layer.activation.output[0] for layer in chosen if layer.activation is not None}
@@ -145,6 +147,8 @@ class _GraphRewriter:
         """Tensor -> its values after a QDQ pair."""
         self.codes: dict[str, str] = {}
         """Tensor -> its codes."""
+        self.whole: dict[str, tuple[str, int]] = {}
+        """Tensor -> its codes with the channels of zeros that a layer gave it, and their number."""
         self.nodes: list[onnx.NodeProto] = []
         self.constants: list[onnx.TensorProto] = []
 
@@ -166,10 +170,15 @@ class _GraphRewriter:
         rewritten = onnx.ModelProto()
         rewritten.CopyFrom(self.model)
         del rewritten.graph.node[:], rewritten.graph.initializer[:]
-        rewritten.graph.node.extend(self.nodes)
-        used = {name for node in self.nodes for name in node.input}
+        used = {output.name for output in self.model.graph.output}
+        kept = []
+        for node in reversed(self.nodes):  # onnxruntime would run those that nothing reads
+            if used.intersection(node.output):
+                kept.append(node)
+                used.update(node.input)
+        rewritten.graph.node.extend(reversed(kept))
         rewritten.graph.initializer.extend(value for name, value in self.weights.items() if name in used)
-        rewritten.graph.initializer.extend(self.constants)
+        rewritten.graph.initializer.extend(value for value in self.constants if value.name in used)
         return rewritten
 
     def add_convolution(self, layer: Layer) -> None:
@@ -200,15 +209,16 @@ class _GraphRewriter:
         if relu and more_outputs:
             # A Relu's grid begins at zero: rounded to it, what is below zero is zero already.
             self.codes[layer.output], self.read_as[layer.output] = self.codes[made], self.read_as[made]
+            self.whole[layer.output] = self.whole[made]
 
     def add_input(self, name: str, weight: NDArray[np.float32]) -> tuple[str, Grid, NDArray[np.float32]]:
         """Tensor `name` as the input of a layer, its grid, and the layer's filters, both with channels of zeros."""
         grid, wide = self.grids[name], f"{name}_wide"
-        more = -weight.shape[1] % INPUTS
+        codes, more = self.whole.get(name, ("", -weight.shape[1] % INPUTS))
         if not more:
             return self.add_pair(name), grid, weight
         if wide not in self.read_as:  # two convolutions may read it
-            self.add_read(wide, self.add_channels(self.add_codes(name, grid), more, grid), grid)
+            self.add_read(wide, codes or self.add_joined(name, grid, more), grid)
         return self.read_as[wide], grid, np.pad(weight, ((0, 0), (0, more), (0, 0), (0, 0)))
 
     def add_join(self, layer: Layer, weight: NDArray[np.float32]) -> tuple[str, Grid, NDArray[np.float32]]:
@@ -228,9 +238,9 @@ class _GraphRewriter:
                 filters.append(sign * some * (half.scale / grid.scale))
         weight = np.concatenate(filters, axis=1)
         more = -weight.shape[1] % INPUTS
-        joined = self.add_node("Concat", codes, f"{layer.name}_input_codes", axis=1)
         if more:
-            joined = self.add_channels(joined, more, grid)
+            codes[-1] = self.add_channels(codes[-1], more, grid)
+        joined = self.add_node("Concat", codes, f"{layer.name}_input_codes", axis=1)
         source = self.add_read(f"{layer.name}_input", joined, grid)
         return source, grid, np.pad(weight, ((0, 0), (0, more), (0, 0), (0, 0)))
 
@@ -240,18 +250,32 @@ class _GraphRewriter:
             grid = grid or self.grids[name]
             codes = self.add_codes(name, grid)
             if keep:
+                self.whole[name] = codes, -keep % OUTPUTS
                 ends = (("from", 0), ("to", keep), ("axis", 1))
                 where = [self.add_constant(f"{name}_{key}", np.array([value])) for key, value in ends]
                 codes = self.add_node("Slice", [codes, *where], f"{name}_kept")
             self.add_read(name, codes, grid)
         return self.read_as[name]
 
-    def add_codes(self, name: str, grid: Grid) -> str:
-        """The codes of a tensor on a grid, those that are there already."""
+    def add_codes(self, name: str, grid: Grid, more: int = 0) -> str:
+        """The codes of a tensor on a grid, those that are there already, with `more` channels of zeros."""
         if name not in self.codes:
-            scale, zero = self.add_constant(f"{name}_scale", grid.scale), self.add_constant(f"{name}_zero", grid.zero)
-            self.codes[name] = self.add_node("QuantizeLinear", [name, scale, zero], f"{name}_codes")
-        return self.codes[name]
+            self.codes[name] = self.add_rounded(name, grid, name)
+        return self.add_channels(self.codes[name], more, grid) if more else self.codes[name]
+
+    def add_joined(self, name: str, grid: Grid, more: int) -> str:
+        """As `add_codes`; what a Concat joins is rounded and widened before it: a fourth of the bytes is joined."""
+        maker = self.makers.get(name)
+        if name in self.codes or maker is None or maker.op_type != "Concat" or maker.attribute[0].i != 1:
+            return self.add_codes(name, grid, more)
+        parts = [self.add_rounded(part, grid, f"{name}_{number}") for number, part in enumerate(maker.input)]
+        parts[-1] = self.add_channels(parts[-1], more, grid)
+        return self.add_node("Concat", parts, f"{name}_codes", axis=1)
+
+    def add_rounded(self, name: str, grid: Grid, label: str) -> str:
+        """The codes of a tensor on a grid, named after `label`."""
+        constants = [self.add_constant(f"{label}_{key}", value) for key, value in grid._asdict().items()]
+        return self.add_node("QuantizeLinear", [self.read_as.get(name, name), *constants], f"{label}_codes")
 
     def add_channels(self, codes: str, count: int, grid: Grid) -> str:
         """`codes` with `count` more channels, of zeros."""

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ciir.models.light_field.disparities.shifts import NEIGHBOURS, SHIFT_TILE, crop_luma
+from ciir.models.light_field.disparities.shifts import SHIFT_TILE, group_by_neighbours, list_neighbours
 from ciir.models.light_field.planes import Range
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from ciir.models.light_field.disparities.shifts import Pixels
+    from ciir.models.light_field.disparities.shifts import Plane
     from ciir.models.light_field.windows import View
 
     Floats = NDArray[np.float32]
@@ -29,6 +29,8 @@ FARTHEST = 1.5
 """Largest disparity, to either side, of views that needn't be shifted."""
 MOST_TILES = 400
 """Tiles that are compared, of more."""
+TILES_AT_ONCE = 2000
+"""Tiles of several views that are compared at once."""
 SPREAD = (0.7548776662466927, 0.5698402909980532)
 """Steps of a sequence of rows and columns that fills a square evenly (Roberts 2018: 1 over the plastic number, and its
 square)."""
@@ -63,18 +65,28 @@ class _Fit(NamedTuple):
     """In each sum."""
 
 
-def measure_range(views: Mapping[View, Pixels], view: View, grid: tuple[int, int], shifts: NDArray[np.int64]) -> Range:
-    """The range of the disparities of a view's tiles less their `shifts`, `(R, C)` of
-    `models.light_field.disparities.shifts.measure_shifts`, in a grid of `grid` views.
+def measure_ranges(
+    lumas: Mapping[View, Plane],
+    wanted: Sequence[View],
+    grid: tuple[int, int],
+    shifts: Sequence[NDArray[np.int64]],
+) -> list[Range]:
+    """For each view of `wanted` the range of the disparities of its tiles less their `shifts`, `(R, C)` each of
+    `models.light_field.disparities.shifts.measure_shifts`, in a grid of `grid` views. `lumas`: as there.
 
     `UNKNOWN` where too few tiles have texture, or views don't match. Only the direct neighbours, up to four, are
-    compared: content moves by the disparity towards larger coordinates from one view to the next.
+    compared: content moves by the disparity towards larger coordinates from one view to the next. A view's range
+    doesn't depend on which others are wanted.
     """
-    if shifts.size < LEAST_TILES:
-        return UNKNOWN
-    rows, cols = _select_tiles(*shifts.shape)
-    disparities = estimate_tiles(views, view, grid, np.stack([rows, cols]), shifts[rows, cols])
-    return UNKNOWN if len(disparities) < LEAST_TILES else _enclose(disparities)
+    if shifts[0].size < LEAST_TILES:
+        return [UNKNOWN] * len(wanted)
+    tiles = np.stack(_select_tiles(*shifts[0].shape))
+    known = {view: own[*tiles] for view, own in zip(wanted, shifts, strict=True)}
+    found = {}
+    for group in group_by_neighbours(wanted, grid, max(1, TILES_AT_ONCE // tiles.shape[1])):
+        for view, some in zip(group, estimate_tiles(lumas, group, grid, tiles, [known[v] for v in group]), strict=True):
+            found[view] = UNKNOWN if len(some) < LEAST_TILES else _enclose(some)
+    return [found[view] for view in wanted]
 
 
 def _select_tiles(down: int, across: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -88,56 +100,60 @@ def _select_tiles(down: int, across: int) -> tuple[NDArray[np.int64], NDArray[np
 
 
 def estimate_tiles(
-    views: Mapping[View, Pixels],
-    view: View,
+    lumas: Mapping[View, Plane],
+    group: Sequence[View],
     grid: tuple[int, int],
     tiles: NDArray[np.int64],
-    shifts: NDArray[np.int64],
-) -> Floats:
-    """The disparities less the `shifts` `(n,)` of those `tiles` `(2, n)`, rows and columns, that have a precise one."""
-    fit = _compare_tiles(views, view, grid, tiles * SHIFT_TILE, shifts)
+    shifts: Sequence[NDArray[np.int64]],
+) -> Iterator[Floats]:
+    """For each view of a `group` of `group_by_neighbours` the disparities less its `shifts` `(n,)` of those `tiles`
+    `(2, n)`, rows and columns, that have a precise one.
+    """
+    fit = _compare_tiles(lumas, group, grid, tiles * SHIFT_TILE, np.concatenate(shifts))
     squares = np.maximum(fit.squares, np.finfo(np.float32).tiny)
     refined = np.clip(fit.along / squares, -REFINED, REFINED)
     left = fit.differences - 2 * refined * fit.along + refined * refined * squares
-    best = left.argmin(axis=0), np.arange(len(shifts))
+    best = left.argmin(axis=0), np.arange(len(squares))
     variance = np.maximum(left[best], 0) / fit.pixels
     is_precise = variance < PRECISION**2 * squares
     is_precise &= squares > TEXTURE**2 * fit.pixels
-    found: Floats = (np.array(WHOLE, np.float32)[best[0]] + refined[best])[is_precise]
-    return found
+    disparities: Floats = np.array(WHOLE, np.float32)[best[0]] + refined[best]
+    for own, kept in zip(np.split(disparities, len(group)), np.split(is_precise, len(group)), strict=True):
+        yield own[kept]
 
 
 def _compare_tiles(
-    views: Mapping[View, Pixels],
-    view: View,
+    lumas: Mapping[View, Plane],
+    group: Sequence[View],
     grid: tuple[int, int],
     corners: NDArray[np.int64],
     shifts: NDArray[np.int64],
 ) -> _Fit:
-    """Compares the tiles at `corners` `(2, n)` with the direct neighbours, moved back by the `shifts` and `WHOLE`."""
-    own = _cut_tiles(views[view], corners - INNER, (SHIFT_TILE + 2 * INNER,) * 2)
+    """Compares the tiles at `corners` `(2, n)` of each view of a group with the direct neighbours, moved back by the
+    `shifts` `(len(group)*n,)` and `WHOLE`.
+    """
+    corners = np.tile(corners, len(group))
+    own = _cut_tiles([lumas[view] for view in group], corners - INNER, (SHIFT_TILE + 2 * INNER,) * 2)
     slopes = _measure_slope(own[:, :, INNER:-INNER]), _measure_slope(own[:, INNER:-INNER].transpose(0, 2, 1))
     squares = [_sum_products(slope, slope) for slope in slopes]
-    total, compared = np.zeros(len(shifts), np.float32), 0
+    total = np.zeros(len(shifts), np.float32)
     along, differences = (np.zeros((len(WHOLE), len(shifts)), np.float32) for _ in range(2))
-    for offset in NEIGHBOURS:
-        place = view[0] + offset[0], view[1] + offset[1]
-        if not (0 <= place[0] < grid[0] and 0 <= place[1] < grid[1]):
-            continue
-        compared += 1
+    neighbours = list_neighbours(group, grid)
+    for offset, others in neighbours.items():
         axis, sign = (0, offset[0]) if offset[0] else (1, offset[1])
         moved = corners.copy()
         moved[axis] += sign * shifts - 1
         sides = [SHIFT_TILE, SHIFT_TILE]
         sides[axis] += 2
-        other = _cut_tiles(views[place], moved, (sides[0], sides[1])).transpose(0, axis + 1, 2 - axis)
+        other = _cut_tiles([lumas[view] for view in others], moved, (sides[0], sides[1]))
+        other = other.transpose(0, axis + 1, 2 - axis)
         here = own[:, INNER:-INNER, INNER:-INNER].transpose(0, axis + 1, 2 - axis)
         total += squares[axis]
         for number, whole in enumerate(WHOLE):
             difference = here - other[:, 1 + sign * whole :][:, :SHIFT_TILE]
             along[number] += sign * _sum_products(slopes[axis], difference)
             differences[number] += _sum_products(difference, difference)
-    return _Fit(total, along, differences, max(1, compared) * SHIFT_TILE**2)
+    return _Fit(total, along, differences, max(1, len(neighbours)) * SHIFT_TILE**2)
 
 
 def _measure_slope(tiles: Floats) -> Floats:
@@ -152,18 +168,17 @@ def _sum_products(one: Floats, other: Floats) -> Floats:
     return np.asarray(np.einsum("nij,nij->n", one, other))
 
 
-def _cut_tiles(picture: Pixels, corners: NDArray[np.int64], sides: tuple[int, int]) -> Floats:
-    """Luma of tiles of `sides` at `corners` `(2, n)` of a picture `(H, W, C)`, whose edge pixels are repeated beyond
-    it: `(n, h, w)`.
+def _cut_tiles(lumas: Sequence[Plane], corners: NDArray[np.int64], sides: tuple[int, int]) -> Floats:
+    """Tiles of `sides` at `corners` `(2, n)`, equally many of each of `lumas` `(H, W)` after one another, whose edge
+    pixels are repeated beyond them: `(n, h, w)`.
     """
-    height, width, channels = picture.shape
+    height, width = lumas[0].shape
     rows, cols = (
         np.clip(first[:, None] + np.arange(side), 0, length - 1)
         for first, side, length in zip(corners, sides, (height, width), strict=True)
     )
-    places = rows[:, :, None] * width + cols[:, None, :]
-    pixels: Pixels = picture.reshape(-1, channels).take(places.reshape(-1, sides[1]), axis=0)
-    return crop_luma(pixels).reshape(places.shape)
+    places = np.split(rows[:, :, None] * width + cols[:, None, :], len(lumas))
+    return np.concatenate([luma.ravel()[some] for luma, some in zip(lumas, places, strict=True)])
 
 
 def _enclose(disparities: Floats) -> Range:

@@ -14,7 +14,7 @@ from ciir.models.light_field.network import compute_luma
 from ciir.models.light_field.windows import WINDOW_SIDE
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -48,32 +48,66 @@ STRIP_VALUES = 1 << 20
 NEIGHBOURS = ((0, 1), (1, 0), (0, -1), (-1, 0))
 
 
-def measure_shifts(views: Mapping[View, Pixels], view: View, grid: tuple[int, int]) -> NDArray[np.int64]:
-    """The shift for each tile of a view in a grid of `grid` views, `(ceil(H / SHIFT_TILE), ceil(W / SHIFT_TILE))`.
+def measure_shifts(
+    lumas: Mapping[View, Plane], wanted: Sequence[View], grid: tuple[int, int]
+) -> list[NDArray[np.int64]]:
+    """The shift for each tile of each view of `wanted` in a grid of `grid` views, `(ceil(H / SHIFT_TILE),
+    ceil(W / SHIFT_TILE))`. `lumas`: luma in [0, 1], `(H, W)`, of at least those views and their direct neighbours. A
+    view's shifts don't depend on which others are wanted.
 
-    It is the number of whole pixels by which content moves from one view to the next, rounded to a multiple of
+    A shift is the number of whole pixels by which content moves from one view to the next, rounded to a multiple of
     `SHIFT_STEP`; 0 where it is small or unclear. A shear of the light field removes it (Ng, SIGGRAPH 2005, equation
     4.2). Only the direct neighbours, up to four, are compared.
     """
-    height, width, _ = views[view].shape
+    height, width = lumas[wanted[0]].shape
     largest = min(MAXIMUM_DISPARITY, (min(height, width) - 1) // 4)
-    if largest <= UNSHIFTED_DISPARITY:
-        return make_no_shifts(views[view])
-    places = ((offset, (view[0] + offset[0], view[1] + offset[1])) for offset in NEIGHBOURS)
-    neighbours = {offset: views[v, u] for offset, (v, u) in places if 0 <= v < grid[0] and 0 <= u < grid[1]}
-    cost = _blur_tiles(_compare_tiles(views[view], neighbours, largest))
+    found = {view: make_no_shifts(height, width) for view in wanted}
+    if largest > UNSHIFTED_DISPARITY:
+        at_once = max(1, STRIP_VALUES // ((2 * largest + 1) * height * width // SAMPLED_ROWS))
+        for group in group_by_neighbours(wanted, grid, at_once):
+            neighbours = list_neighbours(group, grid)
+            others = {offset: _round_lumas([lumas[view] for view in some]) for offset, some in neighbours.items()}
+            costs = _blur_tiles(_compare_tiles(_round_lumas([lumas[view] for view in group]), others, largest))
+            found.update(zip(group, _choose_shifts(costs, largest), strict=True))
+    return [found[view] for view in wanted]
+
+
+def group_by_neighbours(wanted: Sequence[View], grid: tuple[int, int], most: int) -> Iterator[list[View]]:
+    """Groups of up to `most` of the views `wanted` whose direct neighbours are in the same directions."""
+    alike: dict[tuple[View, ...], list[View]] = {}
+    for view in wanted:
+        alike.setdefault(tuple(list_neighbours([view], grid)), []).append(view)
+    for group in alike.values():
+        for first in range(0, len(group), most):
+            yield group[first : first + most]
+
+
+def list_neighbours(group: Sequence[View], grid: tuple[int, int]) -> dict[View, list[View]]:
+    """The direct neighbours in a grid of `grid` views of those of a `group` of `group_by_neighbours`, by direction."""
+    found = {}
+    for down, right in NEIGHBOURS:
+        v, u = group[0][0] + down, group[0][1] + right
+        if 0 <= v < grid[0] and 0 <= u < grid[1]:
+            found[down, right] = [(row + down, col + right) for row, col in group]
+    return found
+
+
+def _choose_shifts(costs: NDArray[np.int32], largest: int) -> Iterator[NDArray[np.int64]]:
+    """From the blurred costs `(n, 2*largest + 1, R, C)` the shifts `(R, C)` of each view."""
     order = np.array(sorted(range(-largest, largest + 1), key=abs))  # of equal ones the smallest is taken
-    best = order[cost[order + largest].argmin(axis=0)]
-    near = cost[largest - UNSHIFTED_DISPARITY : largest + UNSHIFTED_DISPARITY + 1].min(axis=0)
-    pays = (np.abs(best) > UNSHIFTED_DISPARITY) & (cost.min(axis=0) < MAXIMUM_RATIO * near)
-    shifts = _vote(np.where(pays, (best + SHIFT_STEP // 2) // SHIFT_STEP * SHIFT_STEP, 0))
-    values, counts = np.unique(shifts, return_counts=True)
-    return np.where(np.isin(shifts, values[counts < MINIMUM_TILES]), 0, shifts)
+    best = order[costs[:, order + largest].argmin(axis=1)]
+    near = costs[:, largest - UNSHIFTED_DISPARITY : largest + UNSHIFTED_DISPARITY + 1].min(axis=1)
+    pays = (np.abs(best) > UNSHIFTED_DISPARITY) & (costs.min(axis=1) < MAXIMUM_RATIO * near)
+    rounded = np.where(pays, (best + SHIFT_STEP // 2) // SHIFT_STEP * SHIFT_STEP, 0)
+    for one in rounded:
+        shifts = _vote(one)
+        values, counts = np.unique(shifts, return_counts=True)
+        yield np.where(np.isin(shifts, values[counts < MINIMUM_TILES]), 0, shifts)
 
 
-def make_no_shifts(view: Pixels) -> NDArray[np.int64]:
-    """Shifts of 0, as of `measure_shifts`, for the tiles of a view `(H, W, C)`."""
-    return np.zeros((-(-view.shape[0] // SHIFT_TILE), -(-view.shape[1] // SHIFT_TILE)), np.int64)
+def make_no_shifts(height: int, width: int) -> NDArray[np.int64]:
+    """Shifts of 0, as of `measure_shifts`, for the tiles of a view of so many pixels."""
+    return np.zeros((-(-height // SHIFT_TILE), -(-width // SHIFT_TILE)), np.int64)
 
 
 def select_shifted(shifts: NDArray[np.int64], shift: int, part: Span) -> NDArray[np.bool_]:
@@ -82,38 +116,38 @@ def select_shifted(shifts: NDArray[np.int64], shift: int, part: Span) -> NDArray
     return np.asarray((shifts == shift)[rows[:, None], cols])
 
 
-def _compare_tiles(view: Pixels, neighbours: Mapping[tuple[int, int], Pixels], largest: int) -> NDArray[np.uint16]:
-    """Sums of absolute differences between a view and its neighbours, moved back by -largest to largest pixels, by
-    tile: `(2*largest + 1, rows of tiles, columns of tiles)`.
+def _compare_tiles(
+    pictures: NDArray[np.uint8], neighbours: Mapping[View, NDArray[np.uint8]], largest: int
+) -> NDArray[np.uint16]:
+    """Sums of absolute differences between views and their neighbours by direction, all luma in levels `(n, H, W)`,
+    moved back by -largest to largest pixels, by tile: `(n, 2*largest + 1, rows of tiles, columns of tiles)`.
 
-    They are sums of whole 8-bit levels of luma and so don't depend on their order.
+    They are sums of whole levels and so don't depend on their order.
     """
-    height, width, _ = view.shape
+    views, height, width = pictures.shape
     down, across, count = -(-height // SHIFT_TILE), -(-width // SHIFT_TILE), 2 * largest + 1
     in_tile = SHIFT_TILE // SAMPLED_ROWS
-    result = np.empty((count, down, across), np.uint16)  # which a tile's sum fits
-    step = max(1, STRIP_VALUES // (count * in_tile * width))
+    result = np.empty((views, count, down, across), np.uint16)  # which a tile's sum fits
+    step = max(1, STRIP_VALUES // (views * count * in_tile * width))
     for first in range(0, down, step):
         last = min(first + step, down)
         rows = np.arange(first * SHIFT_TILE + SAMPLED_ROWS // 2, last * SHIFT_TILE, SAMPLED_ROWS)
         rows = np.minimum(rows, height - 1)
-        here = _crop_levels(view, rows)[:, None]
-        total = np.zeros((len(rows), count, across * SHIFT_TILE // 2), np.uint16)  # of two columns each
-        differences = np.empty((len(rows), count, across * SHIFT_TILE), np.uint8)
-        for (by_row, by_col), other in neighbours.items():
+        here = pictures[:, rows, None]
+        total = np.zeros((views, len(rows), count, across * SHIFT_TILE // 2), np.uint16)  # of two columns each
+        differences = np.empty((views, len(rows), count, across * SHIFT_TILE), np.uint8)
+        for (by_row, by_col), others in neighbours.items():
             if by_row:
-                moved = _move(rows, by_row * largest, height)
-                top = int(moved.min())
-                there = _crop_levels(other, slice(top, int(moved.max()) + 1))[moved - top]
+                there = others[:, _move(rows, by_row * largest, height)]
             else:
-                there = _move_columns(_crop_levels(other, rows), by_col * largest)
+                there = _move_columns(others[:, rows], by_col * largest)
             np.subtract(np.maximum(there, here), np.minimum(there, here), out=differences[..., :width])
             differences[..., width:] = differences[..., width - 1 : width]
             pairs = differences.view(np.uint16)
             total += (pairs & 255) + (pairs >> 8)
-        tiles = total.reshape(last - first, in_tile, count, across, SHIFT_TILE // 2)
-        parts = [tiles[:, row, ..., col] for row in range(in_tile) for col in range(SHIFT_TILE // 2)]
-        result[:, first:last] = sum(parts[1:], start=parts[0]).transpose(1, 0, 2)
+        tiles = total.reshape(views, last - first, in_tile, count, across, SHIFT_TILE // 2)
+        parts = [tiles[:, :, row, ..., col] for row in range(in_tile) for col in range(SHIFT_TILE // 2)]
+        result[:, :, first:last] = sum(parts[1:], start=parts[0]).transpose(0, 2, 1, 3)
     return result
 
 
@@ -126,26 +160,26 @@ def _move(rows: NDArray[np.int64], by: int, height: int) -> NDArray[np.int64]:
 
 
 def _move_columns(levels: NDArray[np.uint8], by: int) -> NDArray[np.uint8]:
-    """The columns of `(n, W)` moved as `_move` does rows, `(n, 2*abs(by) + 1, W)`."""
-    most, width = abs(by), levels.shape[1]
-    padded = np.zeros((len(levels), width + 2 * most), np.uint8)
-    padded[:, most:-most] = levels
-    moved: NDArray[np.uint8] = sliding_window_view(padded, width, axis=1).copy()
+    """The columns of `(..., W)` moved as `_move` does rows, `(..., 2*abs(by) + 1, W)`."""
+    most, width = abs(by), levels.shape[-1]
+    padded = np.zeros((*levels.shape[:-1], width + 2 * most), np.uint8)
+    padded[..., most:-most] = levels
+    moved: NDArray[np.uint8] = sliding_window_view(padded, width, axis=-1).copy()
     is_outside = np.tri(most, dtype=np.bool_)
-    np.copyto(moved[:, :most, :most], levels[:, None, :most], where=is_outside[::-1])
-    np.copyto(moved[:, -most:, -most:], levels[:, None, -most:], where=is_outside[:, ::-1])
-    return moved if by > 0 else moved[:, ::-1]
+    np.copyto(moved[..., :most, :most], levels[..., None, :most], where=is_outside[::-1])
+    np.copyto(moved[..., -most:, -most:], levels[..., None, -most:], where=is_outside[:, ::-1])
+    return moved if by > 0 else moved[..., ::-1, :]
 
 
-def _crop_levels(picture: Pixels, rows: NDArray[np.int64] | slice) -> NDArray[np.uint8]:
-    """Luma of some rows of a picture `(H, W, C)` in whole 8-bit levels, `(rows, W)`."""
-    return (crop_luma(picture[rows]) * np.float32(255) + np.float32(0.5)).astype(np.uint8)
+def _round_lumas(lumas: Sequence[Plane]) -> NDArray[np.uint8]:
+    """Luma in [0, 1] to whole 8-bit levels, `(n, H, W)`."""
+    return (np.stack(lumas) * np.float32(255) + np.float32(0.5)).astype(np.uint8)
 
 
 def _blur_tiles(cost: NDArray[np.uint16]) -> NDArray[np.int32]:
-    """`(shifts, R, C)` with a half of the tiles to each side added along rows and columns, times four."""
+    """`(..., R, C)` with a half of the tiles to each side added along rows and columns, times four."""
     blurred = cost.astype(np.int32)
-    for axis in (1, 2):
+    for axis in (-2, -1):
         near = np.moveaxis(blurred, axis, 0)
         own = _add_beside(near)
         near += own

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciir.models import catalogue
-from ciir.models.light_field.disparities import shifts
 from ciir.models.light_field.views import upscale_views
 from ciir.models.single import skipping
 from ciir.models.single.skipping import SkipStatistics
@@ -16,6 +15,7 @@ from ciir.renderer.backends.embree import RaytraceBackend
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scenes import load_scene
+from tests.models.light_field.disparities.measure import measure_shifts
 from tests.models.stand_ins import IntegerLightFieldNetwork, IntegerNetwork
 
 NETWORKS = [entry.name for entry in catalogue.list_entries() if entry.is_light_field and not entry.unsupported_reason]
@@ -54,7 +54,7 @@ def test_views_of_many_disparities_are_the_same_with_skipping_in_tiles_and_alone
     views = {view: np.where(near[view] != near[view][0, 64], near[view], far[view]) for view in near}
     views = {view: np.where(far[view] != far[view][0, 64], far[view], views[view]) for view in near}
     wanted = [(2, 2), (1, 3), (0, 2)]
-    assert {-9, 0, 6} <= set(np.unique(shifts.measure_shifts(views, (2, 2), (5, 5))))
+    assert {-9, 0, 6} <= set(np.unique(measure_shifts(views, (2, 2), (5, 5))))
     network, fallback = IntegerLightFieldNetwork(), IntegerNetwork()
     alone = [upscale_views(network, fallback, views, [view], (5, 5), skip=False)[0][0] for view in wanted]
     monkeypatch.setattr("ciir.models.light_field.views.TILE_PIXELS", tile_pixels)
@@ -100,7 +100,7 @@ def test_a_radius_that_is_too_small_shows():
 def test_a_views_result_depends_on_no_other_view_and_on_no_tile(monkeypatch, moves, tile_pixels):
     views = make_light_field((7, 7), (60, 64, 3), moves=moves, at=(24, 24), size=20)
     wanted = [(3, 3), (0, 0), (6, 2), (3, 4)]
-    found = shifts.measure_shifts(views, (3, 3), (7, 7))
+    found = measure_shifts(views, (3, 3), (7, 7))
     assert set(np.unique(found)) == ({0, 6} if moves > 1 else {0})
     whole = [
         upscale_views(IntegerLightFieldNetwork(), IntegerNetwork(), views, [at], (7, 7), skip=False)[0][0]

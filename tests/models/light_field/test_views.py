@@ -88,7 +88,7 @@ def test_views_with_the_same_rows_and_columns_present_share_a_batch():
 
 def test_the_network_gets_the_range_that_is_measured_or_given(monkeypatch):
     ranges = {(0, 0): Range(-0.5, 0.25), (2, 2): Range(0.0, 1.0)}
-    monkeypatch.setattr("ciir.models.light_field.views.measure_range", lambda _, view, *more: ranges[view])
+    monkeypatch.setattr("ciir.models.light_field.views.measure_ranges", lambda *_: list(ranges.values()))
     views, network = make_light_field((3, 3)), Repeating()
     upscale_views(network, fallback, views, list(ranges), (3, 3))
     assert [call[4] for call in network.calls] == list(ranges.values())

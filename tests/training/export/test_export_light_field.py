@@ -136,6 +136,16 @@ def test_the_kernels_of_the_sweep_stay_in_float(exported):
     assert names == [f"network.{layer}.weight" for layer in layers]
 
 
+def check_int8_graph(model):
+    """All is read, the first layer's input is joined as codes, and no layer's output is cut and widened again."""
+    nodes = model.graph.node
+    makers = {output: node.op_type for node in nodes for output in node.output}
+    read = {name for node in nodes for name in node.input} | {output.name for output in model.graph.output}
+    assert {output for node in nodes for output in node.output} <= read
+    assert "image" not in {name for node in nodes if node.op_type == "Concat" for name in node.input}
+    assert "Slice" not in {makers[node.input[0]] for node in nodes if node.name.endswith("_wide")}
+
+
 def test_int8(checkpoint, exported, views, tmp_path, monkeypatch):
     monkeypatch.setattr(calibration, "SCENES", ["vase"])
     monkeypatch.setattr(calibration, "LIGHT_FIELDS", 1)
@@ -157,4 +167,5 @@ def test_int8(checkpoint, exported, views, tmp_path, monkeypatch):
     )
     difference = np.abs(made - wanted)
     np.testing.assert_allclose(uncertainty, exact, atol=1e-6)
+    check_int8_graph(onnx.load(path.with_suffix(".onnx")))
     assert 0 < difference.mean() < 0.02  # in noise two planes suit equally in places, and the other one is chosen

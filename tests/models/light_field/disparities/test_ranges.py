@@ -5,9 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ciir.models.light_field.disparities.ranges import MOST_TILES, UNKNOWN, measure_range
-from ciir.models.light_field.disparities.shifts import make_no_shifts, measure_shifts
+from ciir.models.light_field.disparities.ranges import MOST_TILES, UNKNOWN, measure_ranges
+from ciir.models.light_field.disparities.shifts import make_no_shifts
+from ciir.models.light_field.disparities.shifts import measure_shifts as measure_all_shifts
 from ciir.models.light_field.planes import STEP
+from tests.models.light_field.disparities.measure import make_lumas, measure_range, measure_shifts
 
 SIDE = 80
 FREQUENCIES = np.random.default_rng(0).normal(size=(120, 2)) * 0.9
@@ -37,16 +39,12 @@ def make_views(grid, view, layers, *, noise=0.0, shape=(SIDE, SIDE), channels=3)
     return views
 
 
-def measure(views, view, grid):
-    return measure_range(views, view, grid, measure_shifts(views, view, grid))
-
-
 @settings(max_examples=40, deadline=None)
 @given(st.floats(-1.4, 1.4), st.sampled_from(GRIDS), st.sampled_from([0.0, 4.0]))
 def test_a_disparity_is_found_to_a_part_of_a_pixel(disparity, case, noise):
     grid, view = case
     views = make_views(grid, view, [disparity], noise=noise)
-    low, high = measure_range(views, view, grid, make_no_shifts(views[view]))
+    low, high = measure_range(views, view, grid, make_no_shifts(SIDE, SIDE))
     assert low <= disparity <= high
     assert high - low <= (0.5 if not noise else 0.75)
     assert (low / STEP, high / STEP) == (round(low / STEP), round(high / STEP))
@@ -55,7 +53,7 @@ def test_a_disparity_is_found_to_a_part_of_a_pixel(disparity, case, noise):
 @pytest.mark.parametrize("layers", [(-0.9, 0.3), (0.1, 0.2, 0.7), (-1.2, 1.2)])
 def test_the_range_spans_all_layers(layers):
     views = make_views((3, 3), (1, 1), layers, shape=(SIDE, 144))
-    low, high = measure_range(views, (1, 1), (3, 3), make_no_shifts(views[1, 1]))
+    low, high = measure_range(views, (1, 1), (3, 3), make_no_shifts(SIDE, 144))
     assert min(layers) - 0.4 <= low <= min(layers)
     assert max(layers) <= high <= max(layers) + 0.4
 
@@ -69,7 +67,7 @@ def test_a_thin_band_of_a_large_view_is_seen(axis):
     band[axis] = slice(260, 340)
     for at, view in views.items():
         view[tuple(band)] = near[at][tuple(band)]
-    assert measure_range(views, (1, 1), (3, 3), make_no_shifts(views[1, 1])).highest >= 0.8
+    assert measure_range(views, (1, 1), (3, 3), make_no_shifts(*shape)).highest >= 0.8
 
 
 @pytest.mark.parametrize("disparity", [-6.3, 2.8, 9.4])
@@ -88,20 +86,36 @@ def test_flat_small_unrelated_and_single_views_have_no_known_range():
     small = make_views((3, 3), (1, 1), [0.5], shape=(15, 15))
     noise = {view: random.integers(0, 256, (SIDE, SIDE, 3), np.uint8) for view in np.ndindex(3, 3)}
     for views in (flat, small, noise):
-        assert measure(views, (1, 1), (3, 3)) == UNKNOWN
-    assert measure(make_views((1, 1), (0, 0), [0.5]), (0, 0), (1, 1)) == UNKNOWN
+        assert measure_range(views, (1, 1), (3, 3)) == UNKNOWN
+    assert measure_range(make_views((1, 1), (0, 0), [0.5]), (0, 0), (1, 1)) == UNKNOWN
 
 
 def test_grey_and_16_bits_are_measured_alike():
     views = make_views((3, 3), (1, 1), [0.4], channels=1)
-    want = measure(views, (1, 1), (3, 3))
-    assert measure({view: picture.repeat(3, axis=2) for view, picture in views.items()}, (1, 1), (3, 3)) == want
-    assert measure({view: picture * np.uint16(257) for view, picture in views.items()}, (1, 1), (3, 3)) == want
+    want = measure_range(views, (1, 1), (3, 3))
+    assert measure_range({view: picture.repeat(3, axis=2) for view, picture in views.items()}, (1, 1), (3, 3)) == want
+    assert measure_range({view: picture * np.uint16(257) for view, picture in views.items()}, (1, 1), (3, 3)) == want
 
 
 def test_some_tiles_of_a_large_view_are_enough(monkeypatch):
     views = make_views((3, 3), (1, 1), [-0.3, 0.6], shape=(200, 200))
     assert views[1, 1].size // 3 // 64 > MOST_TILES
-    low, high = measure(views, (1, 1), (3, 3))
+    low, high = measure_range(views, (1, 1), (3, 3))
     monkeypatch.setattr("ciir.models.light_field.disparities.ranges.MOST_TILES", 10**6)
-    assert measure(views, (1, 1), (3, 3)) == pytest.approx((low, high), abs=0.13)
+    assert measure_range(views, (1, 1), (3, 3)) == pytest.approx((low, high), abs=0.13)
+
+
+def test_a_views_range_is_the_same_whichever_others_are_measured(monkeypatch):
+    """In a grid whose views have other neighbours, two of them noise, a few at a time and all at once."""
+    grid = (3, 4)
+    wanted = list(np.ndindex(grid))
+    views = make_views(grid, (1, 1), [-0.8, 0.3], noise=2.0, shape=(48, 60))
+    for view in ((0, 0), (2, 2)):
+        views[view] = np.random.default_rng(4).integers(0, 256, (48, 60, 3), np.uint8)
+    lumas = make_lumas(views)
+    shifts = measure_all_shifts(lumas, wanted, grid)
+    together = measure_ranges(lumas, wanted, grid, shifts)
+    assert together == [measure_range(views, view, grid) for view in wanted]
+    assert len(set(together)) > 1
+    monkeypatch.setattr("ciir.models.light_field.disparities.ranges.TILES_AT_ONCE", 1)
+    assert measure_ranges(lumas, wanted, grid, shifts) == together

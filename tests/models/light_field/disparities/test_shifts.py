@@ -16,9 +16,10 @@ from ciir.models.light_field.disparities.shifts import (
     _vote,
     crop_luma,
     crop_with_margin,
-    measure_shifts,
     select_shifted,
 )
+from ciir.models.light_field.disparities.shifts import measure_shifts as measure_all_shifts
+from tests.models.light_field.disparities.measure import make_lumas, measure_shifts
 
 PICTURE = np.random.default_rng(0).integers(0, 256, (90, 80, 1)).astype(np.uint8)
 GRIDS = [((3, 3), (1, 1)), ((1, 3), (0, 1)), ((2, 2), (0, 0)), ((2, 3), (1, 2))]
@@ -90,18 +91,30 @@ def move(places, by, length):
 @pytest.mark.parametrize("count", [1, 4])
 def test_tiles_are_compared_as_one_difference_after_the_other_would_be(shape, count):
     height, width = shape
-    view, *others = np.random.default_rng(2).integers(0, 256, (5, height, width, 1)).astype(np.uint8)
+    random = np.random.default_rng(2)
+    views, *others = random.integers(0, 256, (5, 2, height, width)).astype(np.uint8)
     neighbours = dict(zip(NEIGHBOURS[-count:], others, strict=False))
     down, across = -(-height // SHIFT_TILE), -(-width // SHIFT_TILE)
     rows = np.minimum(np.arange(SAMPLED_ROWS // 2, down * SHIFT_TILE, SAMPLED_ROWS), height - 1)
     cols = np.minimum(np.arange(across * SHIFT_TILE), width - 1)
-    want = np.zeros((5, down, across))
+    want = np.zeros((2, 5, down, across))
     for number, by in enumerate(range(-2, 3)):
         for (by_row, by_col), other in neighbours.items():
-            there = other[move(rows, by * by_row, height)[:, None], move(cols, by * by_col, width), 0]
-            difference = np.abs(there.astype(int) - view[rows[:, None], cols, 0])
-            want[number] += difference.reshape(down, -1, across, SHIFT_TILE).sum(axis=(1, 3))
-    np.testing.assert_array_equal(_compare_tiles(view, neighbours, 2), want)
+            there = other[:, move(rows, by * by_row, height)[:, None], move(cols, by * by_col, width)]
+            difference = np.abs(there.astype(int) - views[:, rows[:, None], cols])
+            want[:, number] += difference.reshape(2, down, -1, across, SHIFT_TILE).sum(axis=(2, 4))
+    np.testing.assert_array_equal(_compare_tiles(views, neighbours, 2), want)
+
+
+@pytest.mark.parametrize("values", [1, 10_000, 1 << 30])
+def test_a_views_shifts_are_the_same_whichever_others_are_measured(values, monkeypatch):
+    grid = (3, 4)
+    views = shift_picture(5, grid, (1, 1))
+    want = [measure_shifts(views, view, grid) for view in np.ndindex(grid)]
+    monkeypatch.setattr("ciir.models.light_field.disparities.shifts.STRIP_VALUES", values)
+    got = measure_all_shifts(make_lumas(views), list(np.ndindex(grid)), grid)
+    np.testing.assert_array_equal(got, want)
+    assert np.any(got)
 
 
 @pytest.mark.parametrize("shape", [(3, 1, 1), (5, 2, 3), (2, 4, 5)])
