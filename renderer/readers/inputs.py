@@ -294,7 +294,7 @@ def _read_container(bundle: Bundle, key: str, format_: ContainerFormat, layout: 
             f"{name}: damaged or cut off (while the views of the {format_.name} file were read); send the whole file"
         ) from error
     grid = light_field.views.shape[:2]
-    if format_ is not ESLF and layout.pixels not in {None, grid}:  # of ESLF they are those under a lens
+    if format_ is not ESLF and not {layout.pixels, layout.sequence} & {None, grid}:  # of ESLF they are under a lens
         raise InvalidOption(f"pixels: {name} has {grid[0]}x{grid[1]} views; leave it out")
     height, width = light_field.views.shape[2:4]
     if format_ is not ESLF and format_.name not in VIDEOS and grid[0] > height and grid[1] > width:

@@ -54,6 +54,13 @@ class Layout:
     """Of a raw lenslet picture; None for a picture that is an elemental image array."""
 
     @property
+    def sequence(self) -> tuple[int, int] | None:
+        """Rows and columns that views one after another fill row by row, before `order` is taken: `pixels`, with
+        `order` columns exchanged.
+        """
+        return self.pixels[::-1] if self.pixels and self.order == "columns" else self.pixels
+
+    @property
     def selects_frame(self) -> bool:
         """Whether one frame of a video is read, an elemental image array or a mosaic, and not all frames as views."""
         return self.lenses is not None or self.arrangement != "auto"

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _FILES = re.compile(
     r"\.(7z|avi|avif|bmp|bz2|csv|exr|gif|glb|gltf|gz|h5|hdf|hdf5|heic|heif|htm|html|ico|jp2|jpe|jpeg|jpg|json|jxl|m4v|"
-    r"mat|mkv|mov|mp4|npy|npz|obj|off|pdf|pgm|ply|png|pnm|ppm|psd|rar|stl|svg|tar|tga|tgz|tif|tiff|toml|txt|webm|webp|"
+    r"mat|mkv|mov|mp4|mpeg|mpg|npy|npz|obj|off|pdf|pfm|pgm|ply|png|pnm|ppm|psd|rar|stl|svg|tar|tga|tgz|tif|tiff|toml|txt|webm|webp|"
     r"xz|zip)"
 )
 """Suffixes that are not taken for a folder's."""

@@ -22,14 +22,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ciir.errors import Unreadable, UnsupportedType
+from ciir.errors import InvalidOption, Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.containers.samples import (
     check_array,
     convert_samples,
     find_light_field,
+    settle_axes,
     settle_depth_sense,
-    settle_grid,
 )
 from ciir.renderer.readers.names import clean_text
 
@@ -95,14 +95,15 @@ def read_npy(data: bytes, *, name: str, layout: Layout, limits: Limits) -> Light
 
 def _read_array(array: Array, stated: object, name: str, layout: Layout, limits: Limits) -> LightField:
     """Five axes as they are; four, or three of grey views, whose first one counts the views, as a grid of these."""
-    shape: tuple[int, ...] = array.shape
-    notes: tuple[str, ...] = ()
-    if shape[:1] > (0,) and ((len(shape) == 4 and shape[3] <= 4) or (len(shape) == 3 and shape[2] > 4)):
-        grid, notes = settle_grid(shape[0], layout, name, "views")
-        shape = (*grid, *shape[1:3], *(shape[3:] or (1,)))
-    if array.is_grey and shape[1] == 3:
-        note = f"axes: {shape[0]}x3 grey views; if they are {shape[0]} views of 3 colours, (N, 3, H, W), save "
-        notes = (note + "np.moveaxis(array, 1, -1), (N, H, W, 3)",)
+    shape, notes = settle_axes(array.shape, layout, name)
+    if array.is_grey and shape[1] in (1, 3):
+        count, channels = shape[:2]
+        colours = "3 colours" if channels == 3 else "one channel"
+        advice = f"{count}x{channels} grey views; if they are {count} views of {colours}, (N, {channels}, H, W), save "
+        advice += f"np.moveaxis(array, 1, -1), (N, H, W, {channels})"
+        if layout.pixels and count == math.prod(layout.pixels) and (count, channels) != layout.pixels:
+            raise InvalidOption(f"pixels: {name} has {advice}")
+        notes = (f"axes: {advice}",)
     check_array(name, shape, array.dtype, limits)
     made = _make_light_field(array.read().reshape(shape), stated, name, layout)
     return replace(made, notes=notes + made.notes)

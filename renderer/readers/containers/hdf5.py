@@ -20,7 +20,13 @@ import h5py
 from ciir.errors import InvalidOption, UnsupportedType
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.containers.hdf5_data_set import DataSet, find_shape
-from ciir.renderer.readers.containers.samples import check_array, convert_samples, find_light_field
+from ciir.renderer.readers.containers.samples import (
+    check_array,
+    convert_samples,
+    find_light_field,
+    holds_light_field,
+    settle_axes,
+)
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
@@ -38,9 +44,11 @@ MOSAIC_GRID = (5, 5)
 """Of BasicLFSR's samples where nothing else is known."""
 WEIGHT = "the fourth channel of LF is a weight, not alpha: it is left out"
 """A note."""
-NEEDED = "a light field LF with five axes, in no struct"
+NEEDED = "a light field LF with five axes, in no struct or up to two deep"
 """What a MAT file of version 5 must hold, for messages."""
-_NEEDED = "a light field LF with five axes, in no group or in one"
+_NEEDED = "a light field LF with five axes, in no group or up to two deep"
+LEVELS = 2
+"""Of groups, or of structs of MATLAB, in which a light field is looked for."""
 LOGICAL = "logical"
 """MATLAB's class of true and false, stored as 1 and 0 of 8 bits."""
 _CLASS = "MATLAB_class"
@@ -49,7 +57,7 @@ _MOST_NAMES = 1000
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
     """The light field `LF`, or else the only data set with five axes, or else a mosaic of BasicLFSR; where nothing has
-    five axes, the only data set with five in the file's groups.
+    five axes, the only data set with five in the file's groups, or else in the groups of those.
 
     Raises `Unreadable` where there is none, and `UnsupportedType` for one that is not stored in the file.
     """
@@ -58,14 +66,19 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
         mosaic = next((key for key in MOSAICS if len(shapes.get(key, ())) == 2), None)
         if mosaic is not None and "LF" not in shapes:
             return _read_mosaic(DataSet.open(file, mosaic, data, name), layout, limits)
-        if not any(key == "LF" or len(shape) == 5 for key, shape in shapes.items()):
-            shapes |= _find_shapes_in_groups(file, list(shapes))
+        found: Sequence[str] = list(shapes)
+        for _ in range(LEVELS):
+            if not holds_light_field(shapes):
+                found_in_groups = _find_shapes_in_groups(file, found)
+                shapes, found = shapes | found_in_groups, list(found_in_groups)
         stored = DataSet.open(file, find_light_field(shapes, name, _NEEDED), data, name)
         is_hci, shape = HCI_ATTRIBUTE in file.attrs, stored.shape
         # Views have more pixels than there are views: in `[c, x, y, u, v]` x comes before u. MATLAB omits a c of 1.
         is_reversed = len(shape) == 5 and 1 < shape[0] <= 4 and shape[1] > shape[3]
         is_matlab = _CLASS in stored.handle.attrs or is_reversed
-        return _read_matlab(stored, limits) if is_matlab and not is_hci else _read_plain(stored, limits, is_hci)
+        if is_matlab and not is_hci:
+            return _read_matlab(stored, layout, limits)
+        return _read_plain(stored, layout, limits, is_hci)
 
 
 def _find_shapes_in_groups(file: h5py.File, keys: Sequence[str]) -> dict[str, tuple[int, ...]]:
@@ -86,26 +99,26 @@ def leave_out_weight(views: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]
     return (views[..., :3], (WEIGHT,)) if views.shape[4] == 4 else (views, ())
 
 
-def _read_matlab(stored: DataSet, limits: Limits) -> LightField:
+def _read_matlab(stored: DataSet, layout: Layout, limits: Limits) -> LightField:
     kind = stored.handle.attrs.get(_CLASS, b"")
     refuse_logical(kind.decode("latin-1") if isinstance(kind, bytes) else "", _name(stored))
-    shape = (1, *stored.shape)[-5:]
-    check_array(stored.name, shape[::-1], stored.dtype, limits)
-    samples, weighted = leave_out_weight(stored.read().reshape(shape).T)
+    shape, arranged = settle_axes(stored.shape[::-1], layout, stored.name)
+    check_array(stored.name, shape, stored.dtype, limits)
+    samples, weighted = leave_out_weight(stored.read().T.reshape(shape))
     views, notes = convert_samples(samples, stored.name)
-    return LightField(views, weighted + notes, depth_sense="cameras")
+    return LightField(views, arranged + weighted + notes, depth_sense="cameras")
 
 
 def _name(stored: DataSet) -> str:
     return f"{stored.name}: {clean_text(stored.handle.name.lstrip('/'))}"
 
 
-def _read_plain(stored: DataSet, limits: Limits, is_hci: bool) -> LightField:
+def _read_plain(stored: DataSet, layout: Layout, limits: Limits, is_hci: bool) -> LightField:
     """`LF[v, u, y, x, c]`, as h5py writes an array; in files of the old HCI data set u counts from the right."""
-    shape = (*stored.shape, 1)[:5]
+    shape, arranged = settle_axes(stored.shape, layout, stored.name)
     check_array(stored.name, shape, stored.dtype, limits)
     views, notes = convert_samples(stored.read().reshape(shape), stored.name)
-    return LightField(views[:, ::-1] if is_hci else views, notes, depth_sense="cameras")
+    return LightField(views[:, ::-1] if is_hci else views, arranged + notes, depth_sense="cameras")
 
 
 def _read_mosaic(stored: DataSet, layout: Layout, limits: Limits) -> LightField:

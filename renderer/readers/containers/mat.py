@@ -7,6 +7,7 @@ as MathWorks' "MAT-File Format" describes it: SciPy's reader ends its process at
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
 from dataclasses import dataclass
@@ -18,7 +19,13 @@ import numpy as np
 from ciir.errors import TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.containers import hdf5
-from ciir.renderer.readers.containers.samples import check_array, convert_samples, find_light_field
+from ciir.renderer.readers.containers.samples import (
+    check_array,
+    convert_samples,
+    find_light_field,
+    holds_light_field,
+    settle_axes,
+)
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
@@ -31,6 +38,8 @@ VERSION_5 = b"MATLAB 5.0 MAT-file"
 _HEADER_BYTES, _MATRIX, _COMPRESSED = 128, 14, 15
 _PIECE_BYTES = 2**16
 """Of packed bytes, unpacked at a time: memory of that size stays in the processor's cache."""
+_MOST_FIELDS = 1000
+"""Elements of a struct that are looked at."""
 _CLASSES = (
     *("cell", "struct", "object", "char", "sparse", "double", "single"),
     *("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"),
@@ -57,29 +66,36 @@ class Variable:
 
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
-    """The variable `LF`, or else the only one with five axes."""
+    """The variable `LF`, or else the only one with five axes; where there is none, the only one in structs."""
     if not data.startswith(VERSION_5):
         return hdf5.read(data, name=name, layout=layout, limits=limits)
     order = "<" if data[_HEADER_BYTES - 2 : _HEADER_BYTES] == b"IM" else ">"
-    listed = [found for matrix in _unpack(data, order, name, limits) for found in _read_variable(matrix, order)]
+    matrices = list(_unpack(data, order, name, limits))
+    listed = [found for matrix in matrices for found in _read_variable(matrix, order)]
     variables = dict(listed)
     if len(variables) < len(listed):
         raise Unreadable(f"{name}: holds two variables of one name; save each once")
-    key = find_light_field({key: variable.shape for key, variable in variables.items()}, name, hdf5.NEEDED)
+    shapes = {key: variable.shape for key, variable in variables.items()}
+    for levels in range(1, hdf5.LEVELS + 1):
+        if not holds_light_field(shapes):
+            variables |= {key: found for matrix in matrices for key, found in _read_fields(matrix, order, levels)}
+            shapes = {key: variable.shape for key, variable in variables.items()}
+    key = find_light_field(shapes, name, hdf5.NEEDED)
     found = variables[key]
     hdf5.refuse_logical(found.kind, f"{name}: {clean_text(key)}")
     if found.kind not in _TYPES:
         raise UnsupportedType(
             f"{name}: {clean_text(key)} is of class {found.kind}; give uint8, uint16, single or double"
         )
-    shape = (*found.shape, 1)[:5]  # MATLAB drops the last axis of grey views
+    shape, arranged = settle_axes(found.shape, layout, name)  # MATLAB drops the last axis of grey views
     check_array(name, shape, _TYPES[found.kind], limits)
     if found.number not in _STORED:
         raise Unreadable(f"{name}: {clean_text(key)} has samples of type {found.number}, which is none; save it again")
-    samples = np.frombuffer(found.samples, order + _STORED[found.number]).reshape(shape, order="F")
-    samples, weighted = hdf5.leave_out_weight(samples.astype(_TYPES[found.kind], copy=False))
+    samples = np.frombuffer(found.samples, order + _STORED[found.number]).reshape(found.shape, order="F")
+    samples = samples.reshape(shape).astype(_TYPES[found.kind], copy=False)
+    samples, weighted = hdf5.leave_out_weight(samples)
     views, notes = convert_samples(samples, name)
-    return LightField(views, weighted + notes, depth_sense="cameras")
+    return LightField(views, arranged + weighted + notes, depth_sense="cameras")
 
 
 def _unpack(data: bytes, order: str, name: str, limits: Limits) -> Iterator[memoryview]:
@@ -122,3 +138,20 @@ def _read_variable(matrix: memoryview, order: str) -> Iterator[tuple[str, Variab
         kind = f"complex {kind}" if number & _COMPLEX else kind
         shape = tuple(np.frombuffer(sizes[1], f"{order}i4").tolist())
         yield bytes(key[1]).decode("latin-1"), Variable(kind, shape, *(samples[0] if samples else ()))
+
+
+def _read_fields(matrix: memoryview, order: str, levels: int) -> Iterator[tuple[str, Variable]]:
+    """The fields of a struct, and those of structs in it up to `levels` deep, by `STRUCT.FIELD`; nothing for any other
+    variable, an array of structs too.
+    """
+    for key, variable in _read_variable(matrix, order):
+        if variable.kind != "struct" or math.prod(variable.shape) != 1:
+            return
+        _, _, _, (_, size), (_, names), *fields = islice(_split(matrix, order), _MOST_FIELDS)
+        (length,) = struct.unpack(f"{order}i", size)
+        for number, (_, field) in enumerate(fields):
+            if not field:  # an empty array, without a header
+                continue
+            name = bytes(names[number * length : (number + 1) * length]).split(b"\0")[0].decode("latin-1")
+            inner = [*_read_variable(field, order), *(_read_fields(field, order, levels - 1) if levels > 1 else ())]
+            yield from ((f"{key}.{name}{below}", found) for below, found in inner)

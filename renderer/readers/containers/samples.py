@@ -38,27 +38,59 @@ def settle_depth_sense(stated: object, layout: Layout) -> tuple[DepthSense, tupl
 
 
 def settle_grid(
-    count: int, layout: Layout, name: str, things: str, stated: tuple[int, int] | None = None
+    count: int,
+    layout: Layout,
+    name: str,
+    things: str,
+    stated: tuple[int, int] | None = None,
+    *,
+    advice: str = "",
 ) -> tuple[tuple[int, int], tuple[str, ...]]:
     """Rows and columns of `count` views, one after another in a file that calls them `things`: those of
     `layout.pixels`, else the `stated` ones, else a square, with a note. Raises `InvalidOption` where they fill none.
+    `advice` is the end of messages. With `order` columns the views fill columns, and the grid is the transposed one.
     """
-    grid = layout.pixels
-    if grid is not None:
-        if grid[0] * grid[1] != count:
+    asked = layout.pixels
+    if asked is not None:
+        if asked[0] * asked[1] != count:
             raise InvalidOption(
-                f"pixels: {grid[0]}x{grid[1]} asks for {grid[0] * grid[1]} views, but {name} has {count} {things}; "
-                "give the rows and columns of views"
+                f"pixels: {asked[0]}x{asked[1]} asks for {asked[0] * asked[1]} views, but {name} has {count} {things}; "
+                f"give the rows and columns of views{advice}"
             )
-        return grid, ()
+        return layout.sequence or asked, ()
     if stated is not None and stated[0] * stated[1] == count:
         return stated, ()
     side = math.isqrt(count)
     if side * side != count:
-        raise InvalidOption(f"{name}: {count} {things}, no square number; give pixels ROWSxCOLUMNS (of views)")
+        raise InvalidOption(f"{name}: {count} {things}, no square number; give pixels ROWSxCOLUMNS (of views){advice}")
     return (side, side), (
-        f"the {count} {things} are taken as {side}x{side} views, row by row; pixels gives another grid",
+        f"the {count} {things} are taken as {side}x{side} views, row by row; pixels gives another grid{advice}",
     )
+
+
+def settle_axes(shape: Sequence[int], layout: Layout, name: str) -> tuple[tuple[int, ...], tuple[str, ...]]:
+    """`(V, U, H, W, C)` of a file's array: of `(V, U, H, W)`, and of views one after another, `(N, H, W, C)` with up to
+    four channels and `(N, H, W)`, as the grid that `settle_grid` finds, with its notes. Others are left as they are.
+    """
+    shape = tuple(shape)
+    if shape[:1] > (0,) and ((len(shape) == 4 and shape[3] <= 4) or (len(shape) == 3 and shape[2] > 4)):
+        grid, notes = settle_grid(shape[0], layout, name, "views", advice=_advise_views_last(shape, layout))
+        return (*grid, *shape[1:3], *(shape[3:] or (1,))), notes
+    return ((*shape, 1) if len(shape) == 4 else shape), ()
+
+
+def _advise_views_last(shape: Sequence[int], layout: Layout) -> str:
+    """The end of a message on `(N, H, W)` or `(N, H, W, C)` that may be `(H, W, N)` or `(H, W, N, C)`; else empty."""
+    rows, columns, count = shape[:3]
+    asked = math.prod(layout.pixels) if layout.pixels else math.isqrt(count) ** 2
+    if asked != count or min(rows, columns) <= count:
+        return ""
+    return f"; if they are {count} views of {rows}x{columns} pixels, save np.moveaxis(array, 2, 0)"
+
+
+def holds_light_field(shapes: Mapping[str, Sequence[int]]) -> bool:
+    """Whether one of a file's arrays has the name or the number of axes of a light field."""
+    return len(shapes.get("LF", ())) in (4, 5) or any(len(shape) == 5 for shape in shapes.values())
 
 
 def find_light_field(shapes: Mapping[str, Sequence[int]], name: str, remedy: str) -> str:

@@ -57,7 +57,7 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
             "elemental image array"
         )
     with _open(data, name, limits) as (file, stream):
-        views = _read_views(map(_convert, file.decode(stream)), (rows, columns), name, limits)
+        views = _read_views(map(_convert, file.decode(stream)), layout.sequence or (rows, columns), name, limits)
     notes = (MOVES_RIGHT,) if layout.pixels else (MOVES_RIGHT, ONE_ROW)
     return LightField(views, (*notes, *_note_arrays(views[0, 0])), depth_sense="cameras")
 

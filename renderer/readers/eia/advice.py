@@ -53,6 +53,8 @@ def describe_fitting(periods: Periods, picture: Pixels, layout: Layout, given: P
         return f"{repeats}; give them as crop TOP,LEFT,BOTTOM,RIGHT"
     fitting = [_find_nearest_divisor(count, length) for count, length in zip(given, size, strict=True)]
     advice = f"the nearest that does is {fitting[0]}x{fitting[1]}"
+    if all(count and length % count == 0 for count, length in zip(given[::-1], size, strict=True)):
+        advice = f"{given[1]}x{given[0]} (rows x columns) does"
     if all(0 < count <= length for count, length in zip(given, size, strict=True)):
         advice += "; give margins on all four sides as crop TOP,LEFT,BOTTOM,RIGHT: the size alone doesn't tell them"
     if layout.arrangement == "mosaic" or _describe_mosaic(periods):

@@ -6,6 +6,7 @@ import zipfile
 
 import numpy as np
 import pytest
+import tifffile
 
 import ciir
 from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
@@ -73,6 +74,29 @@ def test_views_one_after_another_are_a_grid():
         read(saved(flat[:5]))
     with pytest.raises(InvalidOption, match="pixels: 2x2 asks for 4 views, but a has 5 views; give the rows"):
         read(saved(flat[:5]), layout=Layout(pixels=(2, 2)))
+
+
+@pytest.mark.parametrize("kind", ["npy", "tif"])
+def test_views_one_after_another_fill_columns_where_these_come_first(kind):
+    views = numbered("u1")
+    flat = views.swapaxes(0, 1).reshape(-1, *views.shape[2:])
+    file = io.BytesIO()
+    tifffile.imwrite(file, flat, photometric="rgb", metadata=None)
+    data = saved(flat) if kind == "npy" else file.getvalue()
+    bundle = Bundle.from_upload(f"a.{kind}", data)
+    np.testing.assert_array_equal(inputs.read(bundle, Layout(pixels=GRID, order="columns")).views, views)
+
+
+def test_views_that_the_last_axis_may_count_have_a_remedy():
+    for channels in ((), (3,)):
+        array = np.zeros((16, 20, 9, *channels), np.uint8)
+        advice = "; if they are 9 views of 16x20 pixels, save np.moveaxis(array, 2, 0)"
+        assert any(note.endswith(advice) for note in read(saved(array)).notes)  # 4x4 views of 20x9 pixels
+        for layout in (Layout(), Layout(pixels=(3, 3))):
+            with pytest.raises(InvalidOption) as caught:
+                read(saved(array[:15]), layout=layout)
+            assert str(caught.value).endswith(advice.replace("16x20", "15x20"))
+    assert not any("np.moveaxis" in note for note in read(saved(np.zeros((16, 20, 24), np.uint8))).notes)
 
 
 def test_axes_that_seem_to_be_exchanged_are_noted():
@@ -276,14 +300,30 @@ def test_colours_before_rows_are_noted(tmp_path):
         np.save(tmp_path / "views.npy", np.zeros(shape, np.uint8))
         notes = "; ".join(ciir.open(tmp_path / "views.npy").notes)
         assert ("if they are 9 views of 3 colours, (N, 3, H, W), save np.moveaxis(array, 1, -1)" in notes) == is_noted
+    for channels, words in ((3, "3 colours"), (1, "one channel")):
+        np.save(tmp_path / "views.npy", np.zeros((9, channels, 16, 20), np.uint8))
+        with pytest.raises(InvalidOption, match=rf"pixels: .* has 9x{channels} grey views; if .* of {words}, .*save"):
+            ciir.open(tmp_path / "views.npy", pixels=(3, 3))
 
 
-@pytest.mark.parametrize(("shape", "is_advised"), [((3, 4, 3, 16, 20), True), ((3, 4, 16, 20, 5), False)])
-def test_axes_of_colours_before_pixels_have_a_remedy(shape, is_advised):
+@pytest.mark.parametrize(
+    ("shape", "advice"),
+    [
+        ((3, 4, 3, 16, 20), "; of (V, U, C, H, W), as in np.moveaxis({}, 2, -1)"),
+        ((3, 9, 9, 16, 20), "; of (C, V, U, H, W), as in np.moveaxis({}, 0, -1)"),
+        ((3, 4, 16, 20, 5), ", 1 to 4 channels"),
+    ],
+)
+def test_axes_of_colours_before_pixels_have_a_remedy(shape, advice):
     views = np.zeros(shape, np.uint8)
     with pytest.raises(Unreadable) as caught:
         inputs.read(Bundle.from_upload("a.npy", saved(views)))
-    assert str(caught.value).endswith("; of (V, U, C, H, W), as in np.moveaxis(array, 2, -1)") == is_advised
+    assert str(caught.value).endswith(advice.format("array"))
     with pytest.raises(InvalidOption) as caught:
         LightField(views)
-    assert str(caught.value).endswith("; of (V, U, C, H, W), as in np.moveaxis(views, 2, -1)") == is_advised
+    assert str(caught.value).endswith(advice.format("views").replace(", 1 to", " with 1 to"))
+
+
+def test_grey_views_without_channels_have_a_remedy():
+    with pytest.raises(InvalidOption, match=r"; of grey views \(V, U, H, W\), as in views\[\.\.\., None\]$"):
+        LightField(np.zeros((3, 3, 16, 20), np.uint8))

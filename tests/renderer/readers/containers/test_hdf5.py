@@ -113,6 +113,26 @@ def test_a_light_field_in_a_group():
     np.testing.assert_array_equal(views, np.arange(240).reshape(2, 2, 4, 5, 3))
 
 
+@pytest.mark.parametrize("place", ["LF/LF", "LF/data", "train/000/LF"])
+def test_a_group_named_lf_and_groups_two_deep(place):
+    views = np.arange(240, dtype=np.uint8).reshape(2, 2, 4, 5, 3)
+    np.testing.assert_array_equal(read(made(lambda file: file.create_dataset(place, data=views))).views, views)
+
+
+@pytest.mark.parametrize("is_matlab", [False, True])
+def test_views_one_after_another_are_a_grid(is_matlab):
+    views = np.arange(2 * 3 * 6 * 4 * 3, dtype=np.uint8).reshape(6, 6, 4, 3)
+
+    def fill(file):
+        file["LF"] = views.T if is_matlab else views
+        if is_matlab:
+            file["LF"].attrs["MATLAB_class"] = np.bytes_("uint8")
+
+    np.testing.assert_array_equal(read(made(fill), pixels=(2, 3)).views, views.reshape(2, 3, 6, 4, 3))
+    with pytest.raises(InvalidOption, match="a: 6 views, no square number; give pixels"):
+        read(made(fill))
+
+
 def test_several_in_groups_and_links_there():
     def fill(file):
         fill_groups(file)
@@ -121,11 +141,11 @@ def test_several_in_groups_and_links_there():
     def link(file):
         file["data/LF"] = h5py.ExternalLink("/etc/other.h5", "LF")
         file["other"] = h5py.ExternalLink("/etc/other.h5", "/")
-        file["deep/er/LF"] = np.zeros((2, 2, 4, 5, 3), np.uint8)
+        file["deep/er/than/LF"] = np.zeros((2, 2, 4, 5, 3), np.uint8)
 
     with pytest.raises(Unreadable, match=r"2 arrays have five axes \(data/LF, scene/LF\); name the light field LF"):
         read(made(fill))
-    with pytest.raises(Unreadable, match=r"holds data, deep, other, data/LF, deep/er; give .* in no group or in one"):
+    with pytest.raises(Unreadable, match=r"holds data, deep, other, data/LF, deep/er; give .* no group or up to two"):
         read(made(link))
 
 

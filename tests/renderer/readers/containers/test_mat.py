@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from ciir.errors import TooLarge, Unreadable, UnsupportedType
+from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.limits import Limits
 from ciir.renderer.readers.containers import mat
 from ciir.renderer.readers.layout import Layout
@@ -102,10 +102,34 @@ def test_lf_among_other_variables():
 
 
 @pytest.mark.parametrize(
+    "variables",
+    [
+        lambda field: {"LF": {"f": 100.0, "LF": field, "name": "knights"}},
+        lambda field: {"data": {"camera": {"f": 1.0}, "scene": {"none": np.zeros((0, 0)), "views": field}}},
+    ],
+)
+def test_a_light_field_in_a_struct(variables):
+    """As of the HCI benchmark's tools for MATLAB: `LF.LF`."""
+    field = np.arange(360, dtype=np.uint8).reshape(V, U, H, W, 3)
+    np.testing.assert_array_equal(read(saved(**variables(field))).views, field)
+    other = np.zeros_like(field)  # what lies in no struct comes first
+    np.testing.assert_array_equal(read(saved(scene=other, **variables(field))).views, other)
+
+
+def test_views_one_after_another_are_a_grid():
+    views = np.arange(2 * 3 * 6 * 4 * 3, dtype=np.uint8).reshape(6, 6, 4, 3)
+    found = mat.read(saved(LF=views), name="a", layout=Layout(pixels=(2, 3)), limits=Limits())
+    np.testing.assert_array_equal(found.views, views.reshape(2, 3, 6, 4, 3))
+    with pytest.raises(InvalidOption, match="a: 6 views, no square number; give pixels"):
+        read(saved(LF=views))
+
+
+@pytest.mark.parametrize(
     ("variables", "error", "message"),
     [
         ({"a": 1, "b": "x"}, Unreadable, "holds a 1x1, b 1x1; give a light field LF"),
-        ({"scene": {"LF": np.zeros((2, 2, 4, 4, 3))}}, Unreadable, "holds scene 1x1; .* in no struct"),
+        ({"scene": {"depth": np.zeros((4, 4))}}, Unreadable, r"scene 1x1, scene\.depth 4x4; .* in no struct"),
+        ({"a": {"b": {"c": {"LF": np.zeros((2, 2, 4, 4, 3))}}}}, Unreadable, r"a\.b 1x1, a\.b\.c 1x1; give"),
         ({"LF": np.full((3, 5), "a", object)}, Unreadable, "holds LF 3x5; give a light field LF with five axes"),
         (
             {"a": np.zeros((2, 2, 4, 4, 3)), "b": np.zeros((2, 2, 4, 4, 3))},

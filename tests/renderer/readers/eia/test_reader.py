@@ -153,6 +153,7 @@ def test_numbers_that_do_not_fit_are_answered_with_those_that_would(vase):
     assert text.startswith("pixels: 8x8 does not divide the picture of 450x450 pixels")
     assert "; the nearest that does is 9x9; give margins on all four sides" in text
     assert "the nearest that does is 450x450; " in message(vase, lenses=(999, 999))
+    assert "picture of 300x420 pixels (rows x columns); 5x7 (rows x columns) does; " in message(EIA, pixels=(7, 5))
     assert "3x4 lenses of 5x7 pixels do not make" in message(EIA, lenses=(3, 4), pixels=(5, 7))
 
 

@@ -69,6 +69,8 @@ def test_a_mesh_is_rendered(tmp_path):
     ("words", "message"),
     [
         (["-o", "a.exr"], "a.exr: a light field can't be written as .exr; end the name with .zip, .npz"),
+        (["-o", "a.mpg"], "a.mpg: a light field can't be written as .mpg; end the name with .zip, .npz"),
+        (["-o", "a.pfm"], "a.pfm: a light field can't be written as .pfm; end the name with .zip, .npz"),
         (["-o", "a.png", "--to", "exr"], "format: 'exr' is not known; give folder, zip, npz"),
         (["-o", "a.png", "--to", "png"], "format: 'png' is one picture, without the other views; give folder, zip, np"),
         (["-o", "a.zip", "--to", "folder"], "a.zip: a folder of views can't be written as .zip; end the name with / f"),
