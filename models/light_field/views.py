@@ -192,9 +192,8 @@ def _measure_disparities(job: _Job, wanted: Sequence[View]) -> tuple[list[NDArra
     if job.disparities is not None:
         height, width, _ = job.views[wanted[0]].shape
         return [make_no_shifts(height, width) for _ in wanted], [job.disparities] * len(wanted)
-    beside = (list_neighbours([view], job.grid).values() for view in wanted)
-    required = {*wanted, *(other for some in beside for others in some for other in others)}
-    lumas = {view: crop_luma(job.views[view]) for view in required}
+    beside = (other for view in wanted for (other,) in list_neighbours([view], job.grid).values())
+    lumas = {view: crop_luma(job.views[view]) for view in {*wanted, *beside}}
     shifts = measure_shifts(lumas, wanted, job.grid)
     return shifts, measure_ranges(lumas, wanted, job.grid, shifts)
 

@@ -55,7 +55,9 @@ class IntegerNetwork:
 
 
 class IntegerLightFieldNetwork:
-    """The same as a light-field network; `is_confident`: whether its uncertainty stays below `CONFIDENT`."""
+    """The same as a light-field network, whose result depends on the range of disparities too; `is_confident`: whether
+    its uncertainty stays below `CONFIDENT`.
+    """
 
     scale, threads = 2, 1
 
@@ -67,6 +69,7 @@ class IntegerLightFieldNetwork:
     def __call__(self, image, around, rows, cols, disparities, *, cores=None):
         self.pixels += len(image) * image.shape[2] * image.shape[3]
         weights = 1 + np.arange(25) * np.outer(rows.present, cols.present).ravel()
+        weights += disparities.highest - 2 * disparities.lowest
         inputs = [to_integers(image), to_integers(around * weights[:, None, None])]
         planes = self.layers(np.concatenate(inputs, axis=1))
         return shuffle_pixels(planes[:, :12]), (planes[:, 12:] % 256 / 255 * self.most).astype(np.float32)

@@ -153,13 +153,9 @@ class _GraphRewriter:
         self.constants: list[onnx.TensorProto] = []
 
     def build(self) -> onnx.ModelProto:
-        floats = {
-            name for node in self.model.graph.node if node.output[0] not in self.convolutions for name in node.input
-        }
-        joined = {layer.convolution.input[0] for layer in self.convolutions.values() if layer.parts} - floats
         for node in self.model.graph.node:
             made = node.output[0]
-            if made in self.read_as or made in joined:
+            if made in self.read_as:
                 continue
             if made in self.convolutions:
                 self.add_convolution(self.convolutions[made])
@@ -239,7 +235,7 @@ class _GraphRewriter:
         weight = np.concatenate(filters, axis=1)
         more = -weight.shape[1] % INPUTS
         if more:
-            codes[-1] = self.add_channels(codes[-1], more, grid)
+            codes[-1] = self.add_channels(codes[-1], more, grid, f"{layer.name}_input")  # others may widen it too
         joined = self.add_node("Concat", codes, f"{layer.name}_input_codes", axis=1)
         source = self.add_read(f"{layer.name}_input", joined, grid)
         return source, grid, np.pad(weight, ((0, 0), (0, more), (0, 0), (0, 0)))
@@ -277,11 +273,12 @@ class _GraphRewriter:
         constants = [self.add_constant(f"{label}_{key}", value) for key, value in grid._asdict().items()]
         return self.add_node("QuantizeLinear", [self.read_as.get(name, name), *constants], f"{label}_codes")
 
-    def add_channels(self, codes: str, count: int, grid: Grid) -> str:
-        """`codes` with `count` more channels, of zeros."""
-        pads = self.add_constant(f"{codes}_pads", np.array([0, 0, 0, 0, 0, count, 0, 0], np.int64))
-        zero = self.add_constant(f"{codes}_padding", grid.zero)
-        return self.add_node("Pad", [codes, pads, zero], f"{codes}_wide")
+    def add_channels(self, codes: str, count: int, grid: Grid, label: str = "") -> str:
+        """`codes` with `count` more channels, of zeros, named after `label`, or after `codes`."""
+        label = label or codes
+        pads = self.add_constant(f"{label}_pads", np.array([0, 0, 0, 0, 0, count, 0, 0], np.int64))
+        zero = self.add_constant(f"{label}_padding", grid.zero)
+        return self.add_node("Pad", [codes, pads, zero], f"{label}_wide")
 
     def add_read(self, name: str, codes: str, grid: Grid) -> str:
         """The values of `codes` on a grid, which stand for tensor `name` from here on."""

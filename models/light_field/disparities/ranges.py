@@ -169,8 +169,8 @@ def _sum_products(one: Floats, other: Floats) -> Floats:
 
 
 def _cut_tiles(lumas: Sequence[Plane], corners: NDArray[np.int64], sides: tuple[int, int]) -> Floats:
-    """Tiles of `sides` at `corners` `(2, n)`, equally many of each of `lumas` `(H, W)` after one another, whose edge
-    pixels are repeated beyond them: `(n, h, w)`.
+    """Tiles of `sides` at `corners` `(2, n)`: `(n, h, w)`. The first `n / len(lumas)` are of the first of `lumas`
+    `(H, W)`, and so on. Beyond a view its edge pixels are repeated.
     """
     height, width = lumas[0].shape
     rows, cols = (

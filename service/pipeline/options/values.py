@@ -102,7 +102,7 @@ def _read_integer(name: str, text: str) -> int:
 
 def _read_number(name: str, text: str) -> float:
     try:
-        return float(text.strip())
+        return float(text.strip().replace("_", "x"))  # `float` would take 1_5 as 15
     except ValueError as error:
         raise InvalidOption(f"{name}: {text[:40]!r} is not a number; give one such as 0.5") from error
 

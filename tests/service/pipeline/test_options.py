@@ -69,7 +69,7 @@ def test_parses_every_option():
         ("neighbour_time", "-1"), ("neighbour_time", "nan"),
         ("neighbour_time", "soon"), ("neighbour_time", "inf"), ("up", "x"), ("rotate", "30"), ("rotate", "1,2,3,4"),
         ("rotate", "1,2,up"), ("rotate", "1000,0,0"), ("light", "1,2,3"), ("light", "nan,0"), ("light", "400,0"),
-        ("light", "0,91"), ("zoom", "0"),
+        ("light", "0,91"), ("zoom", "0"), ("zoom", "1_5"),
         ("place", "-1.1"), ("place", "before"), ("parallax", "0"), ("parallax", "180"), ("parallax", "wide"),
         ("epi", "3"), ("epi", "x=1,v=2"),
         ("time", "-1"), ("camera", "x" * 201),

@@ -184,6 +184,32 @@ class ReadTwice(torch.nn.Module):
         return torch.nn.functional.pixel_shuffle(self.last(torch.relu(self.join(joined))) + image.repeat(1, 4, 1, 1), 2)
 
 
+class JoinedTwice(torch.nn.Module):
+    """5 channels that are the last ones in the inputs of two layers, each of which needs more of them in 8 bits."""
+
+    scale = 2
+
+    def __init__(self):
+        super().__init__()
+        self.first, self.second, self.third = (torch.nn.Conv2d(3, width, 3, padding=1) for width in (16, 18, 5))
+        self.join, self.other = (torch.nn.Conv2d(width + 5, 12, 3, padding=1) for width in (16, 18))
+
+    def forward(self, image):
+        first, second, third = (torch.relu(layer(image)) for layer in (self.first, self.second, self.third))
+        made = self.join(torch.cat([first, third], 1)) + self.other(torch.cat([second, third], 1))
+        return torch.nn.functional.pixel_shuffle(made + image.repeat(1, 4, 1, 1), 2)
+
+
+def test_a_layer_that_is_joined_twice(pairs):
+    torch.manual_seed(7)
+    model = onnx.load_from_string(to_onnx.convert_network(JoinedTwice().eval(), 2))
+    assert [list(layer.parts.values()) for layer in qdq.find_layers(model) if layer.parts] == [[16, 5], [18, 5]]
+    made = qdq.insert_qdq(model, quantise.choose_grids(model, pairs))
+    onnx.checker.check_model(made, full_check=True)
+    got, want = (open_session(one.SerializeToString(), 1).run(None, pairs[0].inputs)[0] for one in (made, model))
+    assert np.abs(got - want).max() < 6 / 255  # both are rounded before they are added
+
+
 def test_a_joined_layer_that_is_kept_in_float(pairs):
     torch.manual_seed(7)
     model = onnx.load_from_string(to_onnx.convert_network(ReadTwice().eval(), 2))

@@ -81,6 +81,18 @@ function encodeHeader(text) {
   return String.fromCharCode(...new TextEncoder().encode(text));
 }
 
+/**
+ * Whether the browser still reads the files of a form: it doesn't where one has changed since it was chosen.
+ * @param {FormData} form
+ */
+function isReadable(form) {
+  const files = [...form.values()].flatMap((value) => (typeof value === "string" ? [] : value));
+  return Promise.all(files.map((file) => file.stream().pipeTo(new WritableStream()))).then(
+    () => true,
+    () => false,
+  );
+}
+
 /** A job of the server. */
 export class Job {
   /**
@@ -99,7 +111,10 @@ export class Job {
    * @param {AbortSignal} signal
    */
   static async post(kind, form, signal) {
-    const response = await request(`/v1/${kind}`, { method: "POST", body: form, headers: { Prefer: "respond-async" }, signal });
+    const sent = request(`/v1/${kind}`, { method: "POST", body: form, headers: { Prefer: "respond-async" }, signal });
+    const response = await sent.catch(async (error) => {
+      throw error instanceof Problem && error.status === 0 && !(await isReadable(form)) ? new Error(TEXTS.changed) : error;
+    });
     const status = await response.json();
     return new Job(`/v1/${kind}/${status.id}`, status);
   }

@@ -17,6 +17,7 @@ const details = find("details", HTMLDetailsElement);
 
 const CANCEL_MILLISECONDS = 5000; // for which the next job waits, at most
 const LONG = 3000; // milliseconds that a job may run on after it is left: its end costs the server a new worker process, which takes about as long
+const UPLOAD = /(?<!the )\bupload(?:[._][\w.]*\w)?/; // the server's name for a file, with a quilt's layout
 const OWN_NOTES = /^tiles\b/; // of the format in which the viewer takes views, whatever they show
 /**
  * @typedef {object} Place Of what is reported.
@@ -62,8 +63,10 @@ find("cancel", HTMLButtonElement).addEventListener("click", () => {
  * @returns {Promise<T>} Rejects with an `AbortError` where other work took its place, or the user cancelled it.
  */
 export async function perform(action, reported = PICTURE) {
+  const isFocused = [problem, restart].some((each) => each.contains(document.activeElement));
   stop();
   hideProblem();
+  if (isFocused) find("name", HTMLElement).focus({ preventScroll: true }); // what had the focus is hidden
   if (isUnfinished) showStatus(""); // it was ended
   clearExport();
   [place, isUnfinished] = [reported, true];
@@ -216,7 +219,7 @@ export function showProblem(error, name, retry) {
   const { status, detail } = error instanceof Problem ? error : { status: -1, detail: "" };
   showStatus("");
   find("problem-text", HTMLElement).textContent = message;
-  find("problem-detail", HTMLElement).textContent = detail.replace(/\bupload(\.\w+)?/, () => name);
+  find("problem-detail", HTMLElement).textContent = detail.replace(UPLOAD, () => name);
   find("key-form", HTMLFormElement).hidden = status !== 401;
   const again = find("retry", HTMLButtonElement);
   again.hidden = status === 401 || (status >= 400 && status < 500 && ![404, 408, 409, 410, 429].includes(status));
@@ -225,6 +228,7 @@ export function showProblem(error, name, retry) {
   (isSeen ? place : PICTURE).show(problem);
   problem.hidden = false;
   problem.scrollIntoView({ block: "nearest" });
+  if (status === 401) find("key", HTMLInputElement).focus();
   const fields = document.querySelectorAll(`form [name="${CSS.escape(/^\w+/.exec(detail)?.[0] ?? "")}"]`); // of exports last
   [...fields].at(place === EXPORT ? -1 : 0)?.setAttribute("aria-invalid", "true");
 }

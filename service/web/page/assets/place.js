@@ -69,9 +69,10 @@ export function isTurning() {
   return isHeld;
 }
 
-/** Shows the server's picture in place of the preview, unless the mesh is being turned. */
+/** Shows the server's picture in place of the preview, also of one that is still to be drawn, unless the mesh is being turned. */
 export function hidePreview() {
   canvas.hidden = !isHeld;
+  isDue &&= isHeld;
 }
 
 /** Draws the mesh as the settings place it, before the next frame. */
@@ -80,6 +81,7 @@ function draw() {
   if (!preview || isDue || OTHERS.some((name) => name in settings)) return;
   isDue = true;
   requestAnimationFrame(() => {
+    if (!isDue) return;
     isDue = false;
     const { lenses = "", pixels = "", up = "y", rotate = "0,0,0", zoom = "1", place = "-1", background = "000000" } = read();
     const [rows, cols] = readPair(lenses, 100), [v, u] = readPair(pixels, 15);

@@ -23,9 +23,18 @@ let open = () => {};
  */
 /** @typedef {Made & {details: string[], time: number}} Entry When it began, and what tells it from others. */
 
-/** @returns {Entry[]} */
+/** @returns {Entry[]} None of another form: all pages of one host and port share the storage, also those of other programs. */
 function readJobs() {
-  return JSON.parse(read(KEY, PLACE) ?? "[]");
+  try {
+    return JSON.parse(read(KEY, PLACE) ?? "[]").filter(isEntry);
+  } catch {
+    return [];
+  }
+}
+
+/** @param {Entry} entry */
+function isEntry({ name, what, url, hash, details, time }) {
+  return [name, what, url, hash].every((text) => typeof text === "string") && Array.isArray(details) && Number.isSafeInteger(time);
 }
 
 /** @param {Entry[]} entries */

@@ -8,11 +8,12 @@ import { MODELS, SENTENCES, TEXTS } from "./texts.js";
 
 /** Options that say where the lenses of a picture are. */
 export const LENSES = ["lenses", "pixels", "lens_pitch", "lens_offset", "lens_rotation", "lens_grid", "arrangement"];
+const ANGLES = ["yaw", "tilt", "roll"];
 const NAMED_COLOURS = /** @type {Record<string, string>} */ ({ white: "ffffff", black: "000000" });
 const form = find("settings", HTMLFormElement);
 /** @type {Map<string, number[]>} Scales of the networks, and of interpolations. */
 const scales = new Map([["auto", [2]]]);
-/** @type {Record<string, string>} Options of the address, or of a lens grid that was found, that have no field. */
+/** @type {Record<string, string>} Options of the address, or of a lens grid that was found, that have no field, or a value that theirs can't have. */
 let others = {};
 /** Done when the networks are listed. */
 let offered = Promise.resolve();
@@ -41,7 +42,20 @@ function readField(field) {
 
 /** @param {HTMLInputElement | HTMLSelectElement} field */
 function isDefault(field) {
-  return field instanceof HTMLInputElement && readField(field) === field.defaultValue;
+  return readField(field) === (field instanceof HTMLInputElement ? field.defaultValue : "");
+}
+
+/**
+ * Fills a field in; one that can't have the value, such as a slider beyond its end, gets its default.
+ * @param {HTMLInputElement | HTMLSelectElement} field
+ * @param {string} value
+ * @returns {boolean} Whether it has the value.
+ */
+function writeField(field, value) {
+  field.value = value;
+  const isWritten = field.type === "range" ? Number(field.value) === Number(value) : field.value === value;
+  if (!isWritten && field instanceof HTMLInputElement) field.value = field.defaultValue;
+  return isWritten;
 }
 
 /**
@@ -64,17 +78,28 @@ export function writeSettings(settings) {
   form.reset();
   typed = null;
   others = {};
-  const [yaw, tilt, roll] = (settings.rotate ?? "0,0,0").split(",");
   if (settings.model && !scales.has(settings.model)) offerModel(settings.model, [Number(settings.scale) || 2]);
-  for (const [name, value] of Object.entries({ ...settings, yaw, tilt, roll })) {
+  if (settings.model) form.model.value = settings.model;
+  offerScales();
+  for (const [name, value] of Object.entries(settings)) {
     const field = form.elements.namedItem(name);
     if (field instanceof HTMLInputElement && field.type === "color") writeColour(field, value);
-    else if (field instanceof HTMLInputElement || field instanceof HTMLSelectElement) field.value = value;
-    else if (!["rotate", "v", "u", "focus", "aperture"].includes(name)) others[name] = value;
-    if (name === "model") offerScales();
+    else if (name === "rotate") writeAngles(value);
+    else if (field instanceof HTMLInputElement || field instanceof HTMLSelectElement) {
+      if (!writeField(field, value)) others[name] = value;
+    } else if (!["v", "u", "focus", "aperture"].includes(name)) others[name] = value;
   }
   showValues();
   markGrid();
+}
+
+/** @param {string} rotate Three angles; what the sliders can't have, such as several yaws, is kept for the server. */
+function writeAngles(rotate) {
+  const angles = rotate.split(",");
+  const fields = ANGLES.map((name) => form[name]);
+  if (fields.map((field, index) => writeField(field, angles[index] ?? "")).every(Boolean) && angles.length === 3) return;
+  for (const field of fields) field.value = field.defaultValue;
+  others.rotate = rotate;
 }
 
 /**
@@ -190,16 +215,21 @@ export async function listModels(scale) {
 /** Offers the scales of the chosen network. */
 function offerScales() {
   const sizes = scales.get(form.model.value) ?? [2];
-  const chosen = form.scale.value;
+  const chosen = others.scale ?? form.scale.value;
   form.scale.replaceChildren(...sizes.map((size) => make("option", String(size))));
-  if (sizes.includes(Number(chosen))) form.scale.value = chosen;
+  if (sizes.includes(Number(chosen))) {
+    form.scale.value = chosen;
+    delete others.scale;
+  } else if (others.scale) form.scale.selectedIndex = -1; // the server says what fits
 }
 
-/** Writes the values of sliders beside them. */
+/** Writes the values of sliders, or those of the address that these can't have, beside them. */
 function showValues() {
+  const angles = others.rotate?.split(",") ?? [];
+  const given = { ...others, ...Object.fromEntries(angles.map((angle, index) => [ANGLES[index], angle])) };
   for (const field of /** @type {NodeListOf<HTMLInputElement>} */ (form.querySelectorAll("[type=range]"))) {
     const shown = field.parentElement?.querySelector(".value");
-    if (shown) shown.textContent = field.value + ("angle" in field.dataset ? "°" : "");
+    if (shown) shown.textContent = (given[field.name] ?? field.value) + ("angle" in field.dataset ? "°" : "");
   }
   for (const part of /** @type {NodeListOf<HTMLElement>} */ (form.querySelectorAll("[data-with]"))) {
     part.hidden = form[part.dataset.with ?? ""].value === "";
@@ -222,7 +252,11 @@ export function offerModels() {
 export function watchSettings(changed) {
   form.model.append(make("option", TEXTS.auto, { value: "auto" }));
   offerScales();
-  form.addEventListener("input", showValues);
+  form.addEventListener("input", ({ target }) => {
+    const name = target instanceof Element ? (target.getAttribute("name") ?? "") : "";
+    delete others[ANGLES.includes(name) ? "rotate" : name];
+    showValues();
+  });
   form.addEventListener("submit", (event) => event.preventDefault());
   form.addEventListener("focusin", keepTyped);
   form.addEventListener("focusout", () => (typed = null));

@@ -30,6 +30,7 @@ export const TEXTS = {
   depth: "Disparity",
   waiting: "The picture appears here.",
   noFiles: "There are no files in it. Choose a folder that has some.",
+  changed: "The file has changed or is gone since it was chosen. Choose it again.",
   needsLenses: "How many lenses does the picture show? Give their rows x columns, such as 50x50. An ordinary photo is enlarged by ciir upscale, not here.",
   reading: "Reading the file",
   packing: "Packing the files",

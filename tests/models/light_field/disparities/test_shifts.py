@@ -13,9 +13,12 @@ from ciir.models.light_field.disparities.shifts import (
     UNSHIFTED_DISPARITY,
     _blur_tiles,
     _compare_tiles,
+    _round_lumas,
     _vote,
     crop_luma,
     crop_with_margin,
+    group_by_neighbours,
+    list_neighbours,
     select_shifted,
 )
 from ciir.models.light_field.disparities.shifts import measure_shifts as measure_all_shifts
@@ -115,6 +118,23 @@ def test_a_views_shifts_are_the_same_whichever_others_are_measured(values, monke
     got = measure_all_shifts(make_lumas(views), list(np.ndindex(grid)), grid)
     np.testing.assert_array_equal(got, want)
     assert np.any(got)
+
+
+def test_views_are_grouped_by_the_directions_of_their_neighbours():
+    groups = list(group_by_neighbours(list(np.ndindex(2, 4)), (2, 4), 2))
+    assert groups == [[(0, 0)], [(0, 1), (0, 2)], [(0, 3)], [(1, 0)], [(1, 1), (1, 2)], [(1, 3)]]
+    assert list_neighbours(groups[1], (2, 4)) == {
+        (0, 1): [(0, 2), (0, 3)],
+        (1, 0): [(1, 1), (1, 2)],
+        (0, -1): [(0, 0), (0, 1)],
+    }
+    assert list_neighbours(groups[2], (2, 4)) == {(1, 0): [(1, 3)], (0, -1): [(0, 2)]}
+
+
+def test_luma_is_rounded_to_the_nearest_of_256_levels():
+    levels = np.arange(1, 255)
+    pictures = [(257 * levels + off).astype(np.uint16).reshape(1, -1, 1) for off in (-100, 0, 100)]
+    np.testing.assert_array_equal(_round_lumas([crop_luma(picture) for picture in pictures]), [[levels]] * 3)
 
 
 @pytest.mark.parametrize("shape", [(3, 1, 1), (5, 2, 3), (2, 4, 5)])

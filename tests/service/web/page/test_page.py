@@ -1,6 +1,7 @@
 """The page in a browser, on a real server with real networks."""
 
 import io
+import os
 import re
 import zipfile
 
@@ -8,8 +9,17 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
+from ciir.renderer.readers.pictures import decode
 from tests.support.browser import needs_browser, read_canvas
-from tests.support.browser.page import choose, go_to, open_scene, set_field, wait_for_picture, wait_for_rest
+from tests.support.browser.page import (
+    choose,
+    go_to,
+    hold_posts,
+    open_scene,
+    set_field,
+    wait_for_picture,
+    wait_for_rest,
+)
 from tests.support.inputs import CUBE, EIA_PNG
 
 pytestmark = needs_browser
@@ -116,6 +126,12 @@ def test_a_bad_file_is_explained_in_plain_words(page):
     expect(page.locator("#settings")).to_be_visible()
 
 
+def test_an_error_names_the_file_once(page):
+    page.expected, name = ["422"], "vase_qs8x6a0.75.png"
+    choose(page, (name, EIA_PNG[:-20]))
+    expect(page.locator("#problem-detail")).to_have_text(re.compile(rf"^{re.escape(name)}: the "))
+
+
 def test_an_invalid_setting_is_marked(page):
     open_scene(page)
     page.expected = ["422"]
@@ -153,6 +169,28 @@ def test_a_link_shows_the_same_picture(page, browser):
     wait_for_picture(other, 60, 90)
     expect(other.locator("[name=scale]")).to_have_value("3")
     context.close()
+
+
+def test_a_link_keeps_what_a_slider_cannot_have(page):
+    with page.expect_request("**/v1/reconstructions") as posted:
+        go_to(page, "#scene=vase&lenses=20x30&pixels=3x3&rotate=200,0.5,0&zoom=4&show=mapped")
+    wait_for_picture(page, 20, 30)
+    for field in ('name="rotate"\r\n\r\n200,0.5,0', 'name="zoom"\r\n\r\n4'):
+        assert field in posted.value.post_data
+    page.wait_for_url("**rotate=200%2C0.5%2C0&zoom=4&**")
+    expect(page.locator("label:has([name=yaw]) .value")).to_have_text("200°")
+    page.locator("[name=zoom]").press("ArrowRight")
+    page.wait_for_url("**rotate=200%2C0.5%2C0**zoom=1.1**")
+    page.locator("[name=yaw]").press("ArrowRight")
+    page.wait_for_url("**rotate=1%2C0%2C0**")
+
+
+def test_a_scale_that_the_network_does_not_have_is_refused(page):
+    page.expected = ["422"]
+    go_to(page, "#scene=vase&lenses=20x30&pixels=3x3&scale=4")
+    expect(page.get_by_role("alert")).to_contain_text("scale: ")
+    page.locator("[name=model]").select_option("bicubic")
+    wait_for_picture(page, 80, 120)
 
 
 def test_the_settings_of_a_file_survive_a_reload(page):
@@ -205,6 +243,56 @@ def test_recent_jobs_outlive_the_tab_until_they_are_forgotten(page):
     expect(other.locator("#recent")).to_be_hidden()
     other.reload()
     expect(other.locator("#recent")).to_be_hidden()
+
+
+@pytest.mark.parametrize(
+    "kept", ["none", '{"of": "another page"}', "[null]", '[{"url": "/of/an/older/page", "name": "a"}]']
+)
+def test_recent_jobs_of_another_form_are_left_out(page, kept):
+    page.evaluate("kept => localStorage.setItem('recent', kept)", kept)
+    page.reload()
+    open_scene(page)
+    expect(page.locator("#recent-list button")).to_have_count(1)
+
+
+def test_a_file_that_has_changed_has_to_be_chosen_again(page, tmp_path):
+    page.expected = ["ERR_UPLOAD_FILE_CHANGED"]
+    path = tmp_path / "cube.off"
+    path.write_bytes(CUBE)
+    page.locator("#files").set_input_files(path)
+    wait_for_picture(page, 200, 200)
+    os.utime(path, (0, 0))
+    set_field(page, "lenses", "20x30")
+    expect(page.get_by_role("alert")).to_contain_text("has changed")
+
+
+def test_the_focus_is_not_lost_with_what_had_it(page):
+    page.expected = ["ERR_FAILED"]
+    open_scene(page)
+    page.route("**/v1/reconstructions", lambda route: route.abort())
+    set_field(page, "lenses", "21x30")
+    again = page.get_by_role("button", name="Try again")
+    again.press("Enter")
+    expect(page.locator("#name")).to_be_focused()
+    expect(again).to_be_visible()
+    page.unroute_all()
+    hold_posts(page, "reconstructions")
+    again.press("Enter")
+    page.get_by_role("button", name="Cancel").press("Enter")
+    expect(again).to_be_focused()
+    page.unroute_all()
+    again.press("Enter")
+    wait_for_picture(page, 42, 60)
+    expect(page.locator("#name")).to_be_focused()
+
+
+def test_what_is_chosen_is_seen_in_forced_colours(page):
+    page.emulate_media(forced_colors="active")
+    open_scene(page)
+    labels = [decode(label.screenshot(), name="label") for label in page.locator(".modes label:visible").all()]
+    backgrounds = [tuple(label[4, label.shape[1] // 2]) for label in labels]
+    assert len(backgrounds) == 4
+    assert len(set(backgrounds)) == 2
 
 
 def tab_to(page, target):

@@ -124,6 +124,29 @@ def test_a_mesh_turns_under_the_mouse_before_it_is_rendered(page):
     assert (read_silhouette(page, SERVER) != before).any()
 
 
+def test_a_preview_that_is_late_does_not_cover_what_the_server_rendered(page):
+    page.add_init_script("""
+        const next = requestAnimationFrame.bind(window);
+        window.requestAnimationFrame = (action) => setTimeout(next, 2000, action);
+    """)
+    held = []
+
+    def hold(route):
+        held.append(route)
+
+    page.route("**/v1/reconstructions", hold)
+    go_to(page, f"#file=a.glb&lenses={SIZE}x{SIZE}&show=mapped")
+    page.reload()
+    with page.expect_request("**/v1/reconstructions"):
+        choose(page, ("a.glb", make_mesh("glb")))
+    canvas = page.locator("#turn canvas")
+    canvas.wait_for(state="attached")  # it is drawn in two seconds
+    held[0].continue_()
+    wait_for_picture(page, SIZE, SIZE)
+    page.wait_for_timeout(2500)
+    expect(canvas).to_be_hidden()
+
+
 def test_previews_are_no_recent_jobs(page):
     listed = page.locator("#recent-list button span")
     open_mesh(page, "glb", "rotate=10,0,0")  # as mapped

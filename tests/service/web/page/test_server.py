@@ -126,9 +126,12 @@ def test_a_key_may_have_any_character(browser, tmp_path):
     with serve_app(tmp_path, api_keys=EURO_KEY) as server:
         page = browser.new_page()
         page.goto(f"{server.url}{SMALL}")
-        page.get_by_label("Key of this server").fill(EURO_KEY)
-        page.get_by_role("button", name="Use key").click()
+        field = page.get_by_label("Key of this server")
+        expect(field).to_be_focused()
+        field.fill(EURO_KEY)
+        field.press("Enter")
         wait_for_picture(page, 40, 60)
+        expect(page.locator("#name")).to_be_focused()
         page.context.close()
 
 
