@@ -102,7 +102,7 @@ def flip_axes(grid: NDArray[Any], axes: Flip, depth_sense: DepthSense) -> tuple[
 
 def advise_axes(shape: Sequence[int], name: str) -> str:
     """The end of a message that asks for `(V, U, H, W, C)`: how to make it of an array `name` of `(V, U, C, H, W)`, of
-    `(C, V, U, H, W)` or of grey views `(V, U, H, W)`.
+    `(C, V, U, H, W)` or of grey views `(V, U, H, W)`; what to do with one that may be an elemental image array.
     """
     if len(shape) == 5 and shape[4] > 4 >= shape[2]:
         return f"; of (V, U, C, H, W), as in np.moveaxis({name}, 2, -1)"
@@ -110,4 +110,6 @@ def advise_axes(shape: Sequence[int], name: str) -> str:
         return f"; of (C, V, U, H, W), as in np.moveaxis({name}, 0, -1)"
     if len(shape) == 4 and shape[3] > 4:
         return f"; of grey views (V, U, H, W), as in {name}[..., None]"
+    if len(shape) == 2 or (len(shape) == 3 and shape[2] <= 4):
+        return "; an elemental image array: as PNG or TIFF, or by LightField.from_eia"
     return ""

@@ -312,6 +312,8 @@ def test_colours_before_rows_are_noted(tmp_path):
         ((3, 4, 3, 16, 20), "; of (V, U, C, H, W), as in np.moveaxis({}, 2, -1)"),
         ((3, 9, 9, 16, 20), "; of (C, V, U, H, W), as in np.moveaxis({}, 0, -1)"),
         ((3, 4, 16, 20, 5), ", 1 to 4 channels"),
+        ((60, 80), "; an elemental image array: as PNG or TIFF, or by LightField.from_eia"),
+        ((60, 80, 3), "; an elemental image array: as PNG or TIFF, or by LightField.from_eia"),
     ],
 )
 def test_axes_of_colours_before_pixels_have_a_remedy(shape, advice):
