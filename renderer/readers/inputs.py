@@ -20,6 +20,7 @@ from ciir.renderer.readers.registry import (
     ESLF,
     LYTRO,
     LYTRO_RAW,
+    NPY_PICTURE,
     OTHER_MESHES,
     TIFF_STACK,
     VIDEOS,
@@ -123,7 +124,9 @@ def _read_file(bundle: Bundle, format_: Format, key: str, layout: Layout) -> Lig
         return reorient(quilts.read(bundle, key, quilt), layout)
     shown = _name_main(bundle, key)
     layout = eia.complete_layout(layout, bundle.files[key])
-    light_field = _find_eslf(eia.read(bundle.files[key], name=shown, layout=layout, limits=bundle.limits), layout)
+    other = format_ if isinstance(format_, PictureFormat) else None
+    found = eia.read(bundle.files[key], name=shown, layout=layout, limits=bundle.limits, other=other)
+    light_field = _find_eslf(found, layout)
     return settle_order(light_field, layout, corrects=light_field.depth_sense == "cameras")  # no EIA
 
 
@@ -254,11 +257,17 @@ def _find_quilt(bundle: Bundle, key: str, layout: Layout) -> QuiltLayout | None:
 
 
 def _refine(format_: Format, key: str, bundle: Bundle, layout: Layout) -> Format:
-    """The format of a container that is a picture, where `format_` is that of the picture."""
+    """The format of a container that is a picture, where `format_` is that of the picture; of an array that is one,
+    that of the picture.
+    """
     if format_.name == "TIFF":
         from ciir.renderer.readers.containers import tiff_stack
 
         return TIFF_STACK if tiff_stack.is_stack(bundle.files[key]) else format_
+    if format_.name == "NPY":
+        from ciir.renderer.readers.containers import npy_picture
+
+        return NPY_PICTURE if npy_picture.is_picture(bundle.files[key], key) else format_
     if format_.name == "PNG":
         layout = eia.complete_layout(layout, bundle.files[key])
     if format_.name == "PNG" and layout.lenses is None and layout.arrangement == "auto" and not any(layout.crop):

@@ -88,10 +88,12 @@ def decode(
         ) from error
 
 
-def is_rounded(data: bytes) -> bool:
-    """Whether the picture in `data`, which was decoded, is a TIFF of floating-point numbers."""
-    found = find_format(data)
-    return found is not None and found.name == "TIFF" and import_module("ciir.renderer.readers.tiff").is_rounded(data)
+def is_rounded(data: bytes, other: PictureFormat | None = None) -> bool:
+    """Whether the picture in `data`, which was decoded, is of floating-point numbers. `other`: as of `decode`."""
+    found = find_format(data) or other
+    if found is None or found.name not in ("TIFF", "NPY"):
+        return False
+    return bool(import_module(f"ciir.renderer.{found.folder}.{found.reader.partition(':')[0]}").is_rounded(data))
 
 
 def _turn_upright(pixels: Pixels, orientation: int) -> Pixels:

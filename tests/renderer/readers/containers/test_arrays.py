@@ -312,8 +312,6 @@ def test_colours_before_rows_are_noted(tmp_path):
         ((3, 4, 3, 16, 20), "; of (V, U, C, H, W), as in np.moveaxis({}, 2, -1)"),
         ((3, 9, 9, 16, 20), "; of (C, V, U, H, W), as in np.moveaxis({}, 0, -1)"),
         ((3, 4, 16, 20, 5), ", 1 to 4 channels"),
-        ((60, 80), "; an elemental image array: as PNG or TIFF, or by LightField.from_eia"),
-        ((60, 80, 3), "; an elemental image array: as PNG or TIFF, or by LightField.from_eia"),
     ],
 )
 def test_axes_of_colours_before_pixels_have_a_remedy(shape, advice):
@@ -324,6 +322,19 @@ def test_axes_of_colours_before_pixels_have_a_remedy(shape, advice):
     with pytest.raises(InvalidOption) as caught:
         LightField(views)
     assert str(caught.value).endswith(advice.format("views").replace(", 1 to", " with 1 to"))
+
+
+@pytest.mark.parametrize("shape", [(60, 80), (60, 80, 3)])
+def test_an_elemental_image_array_has_a_remedy(shape):
+    advice = "; an elemental image array: as PNG, TIFF or NPY, or by LightField.from_eia"
+    file = io.BytesIO()
+    np.savez(file, LF=np.zeros(shape, np.uint8))
+    with pytest.raises(Unreadable) as caught:
+        inputs.read(Bundle.from_upload("a.npz", file.getvalue()))
+    assert str(caught.value).endswith(advice)
+    with pytest.raises(InvalidOption) as caught:
+        LightField(np.zeros(shape, np.uint8))
+    assert str(caught.value).endswith(advice)
 
 
 def test_grey_views_without_channels_have_a_remedy():
