@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import PurePosixPath
@@ -39,7 +40,7 @@ from ciir.renderer.readers.view_set.order import reorient, settle_order
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from ciir.renderer.displays.quilt import QuiltLayout
     from ciir.renderer.light_field import LightField
@@ -267,7 +268,9 @@ def _refine(format_: Format, key: str, bundle: Bundle, layout: Layout) -> Format
     if format_.name == "NPY":
         from ciir.renderer.readers.containers import npy_picture
 
-        return NPY_PICTURE if npy_picture.is_picture(bundle.files[key], key) else format_
+        name = _name_main(bundle, key)
+        with _reported(name, format_):
+            return NPY_PICTURE if npy_picture.is_picture(bundle.files[key], name) else format_
     if format_.name == "PNG":
         layout = eia.complete_layout(layout, bundle.files[key])
     if format_.name == "PNG" and layout.lenses is None and layout.arrangement == "auto" and not any(layout.crop):
@@ -289,11 +292,11 @@ def _describe_others(names: list[str]) -> str:
     return f"no file of a type that is read among its {len(names)} ({listed})"
 
 
-def _read_container(bundle: Bundle, key: str, format_: ContainerFormat, layout: Layout) -> LightField:
-    name = _name_main(bundle, key)
-    reader: ContainerReader = format_.load_reader()
+@contextmanager
+def _reported(name: str, format_: Format) -> Iterator[None]:
+    """Reports whatever the library of a container's format raises as damage, and lack of memory as such."""
     try:
-        light_field = reader(bundle.files[key], name=name, layout=layout, limits=bundle.limits)
+        yield
     except InputError:
         raise
     except MemoryError as error:
@@ -302,6 +305,13 @@ def _read_container(bundle: Bundle, key: str, format_: ContainerFormat, layout: 
         raise Unreadable(
             f"{name}: damaged or cut off (while the views of the {format_.name} file were read); send the whole file"
         ) from error
+
+
+def _read_container(bundle: Bundle, key: str, format_: ContainerFormat, layout: Layout) -> LightField:
+    name = _name_main(bundle, key)
+    reader: ContainerReader = format_.load_reader()
+    with _reported(name, format_):
+        light_field = reader(bundle.files[key], name=name, layout=layout, limits=bundle.limits)
     grid = light_field.views.shape[:2]
     if format_ is not ESLF and not {layout.pixels, layout.sequence} & {None, grid}:  # of ESLF they are under a lens
         raise InvalidOption(f"pixels: {name} has {grid[0]}x{grid[1]} views; leave it out")
