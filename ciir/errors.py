@@ -124,14 +124,14 @@ class JobError(Error):
 class QueueFull(JobError):  # noqa: N818
     """As many jobs wait as may: HTTP's 429."""
 
-    def __init__(self, retry_after: int) -> None:
-        super().__init__(f"the queue is full; try again in {retry_after} s")
+    def __init__(self, detail: str, retry_after: int) -> None:
+        super().__init__(detail)
         self.retry_after = retry_after
         """Whole seconds, an estimate."""
 
-    def __reduce__(self) -> tuple[type[QueueFull], tuple[int]]:
-        """For pickle, which would give the message in place of the seconds."""
-        return type(self), (self.retry_after,)
+    def __reduce__(self) -> tuple[type[QueueFull], tuple[str, int]]:
+        """For pickle, which would leave out the seconds."""
+        return type(self), (str(self), self.retry_after)
 
 
 class QueueUnavailable(JobError):  # noqa: N818

@@ -212,7 +212,7 @@ def make_error(response: httpx2.Response) -> Error:
     kind = find_class(title) or _BY_STATUS.get(status)
     if kind is None:
         return ServiceError(f"{status} {title}: {detail}")
-    return QueueFull(_read_retry_after(response) or 1) if kind is QueueFull else kind(detail)
+    return QueueFull(detail, _read_retry_after(response) or 1) if kind is QueueFull else kind(detail)
 
 
 @contextmanager

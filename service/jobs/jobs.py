@@ -91,7 +91,10 @@ class Jobs:
         waiting = self.queue.count_waiting(lane)
         if waiting >= self._max_waiting:
             one = min(estimate_job(request, file), self._job_seconds)  # a place becomes free when a job like it ends
-            raise QueueFull(retry_after=max(1 + waiting // JOBS_PER_SECOND, math.ceil(one)))
+            pause = max(1 + waiting // JOBS_PER_SECOND, math.ceil(one))
+            raise QueueFull(
+                f"the queue is full: {waiting} jobs wait, and {self._max_waiting} may; try again in {pause} s", pause
+            )
         name = f"{id_}.{secrets.token_hex(8)}"
         queued = (Event("queued"),)
         new = Job(

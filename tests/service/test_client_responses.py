@@ -147,8 +147,9 @@ def test_requests_are_repeated_after_retry_after(monkeypatch, eia_file, status, 
     bodies = [request.read().partition(b"\r\n")[2] for request in requests]
     assert all(eia_file.read_bytes() in body for body in bodies)  # the whole file is sent each time
     client, _ = make_client(*busy, retries=2)
-    with pytest.raises(kind):
+    with pytest.raises(kind) as raised:
         client.submit(eia_file)
+    assert str(raised.value) == "d"  # the detail
 
 
 def test_a_get_is_repeated_only_after_retry_after(monkeypatch):

@@ -306,10 +306,21 @@ def make_switch(allowed: tuple[str, str]) -> ValueType:
 def make_integer(least: int, most: int) -> ValueType:
     """A whole number in a range."""
     return ValueType(
-        {"type": "integer", "minimum": least, "maximum": most}, _read_integer, index, "a whole number such as 2"
+        {"type": "integer", "minimum": least, "maximum": most},
+        _read_integer,
+        lambda value: index(_check_number(value)),
+        "a whole number such as 2",
     )
 
 
 def make_number(least: float, most: float, needed: str = "a number such as 0.5") -> ValueType:
     """A number in a range."""
-    return ValueType({"type": "number", "minimum": least, "maximum": most}, _read_number, float, needed)
+    schema = {"type": "number", "minimum": least, "maximum": most}
+    return ValueType(schema, _read_number, lambda value: float(_check_number(value)), needed)
+
+
+def _check_number(value: Any) -> Any:
+    """Raises `TypeError` for True and False, which Python takes as 1 and 0."""
+    if isinstance(value, bool):
+        raise TypeError
+    return value

@@ -3,6 +3,7 @@ import re
 from dataclasses import fields
 from typing import get_args
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -239,3 +240,10 @@ def test_light_comes_from_a_direction_that_there_is():
     with pytest.raises(InvalidOption, match=r"light: \(0, 91\) is not understood; .*, at most 360, 90$"):
         Options.convert({"light": (0, 91)})
     assert Options.parse({"light": "-360,-90"}).light == (-360.0, -90.0)
+
+
+@pytest.mark.parametrize("name", ["frames", "zoom"])
+@pytest.mark.parametrize("value", [True, np.False_])
+def test_true_and_false_are_no_numbers(name, value):
+    with pytest.raises(InvalidOption, match=rf"^{name}: .* is not understood; give a (whole )?number such as"):
+        Options.convert({name: value})
