@@ -124,7 +124,7 @@ class JobError(Error):
 class QueueFull(JobError):  # noqa: N818
     """As many jobs wait as may: HTTP's 429."""
 
-    def __init__(self, detail: str, retry_after: int) -> None:
+    def __init__(self, detail: str, retry_after: int = 1) -> None:
         super().__init__(detail)
         self.retry_after = retry_after
         """Whole seconds, an estimate."""
