@@ -111,5 +111,5 @@ def advise_axes(shape: Sequence[int], name: str) -> str:
     if len(shape) == 4 and shape[3] > 4:
         return f"; of grey views (V, U, H, W), as in {name}[..., None]"
     if len(shape) == 2 or (len(shape) == 3 and shape[2] <= 4):
-        return "; an elemental image array: as PNG, TIFF or NPY, or by LightField.from_eia"
+        return "; of an elemental image array, by LightField.from_eia"
     return ""

@@ -18,10 +18,11 @@ from ciir.renderer.readers.lenslet.grid import Known
 from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
 from ciir.renderer.readers.names import FRAMES, TILES, clean_text
 from ciir.renderer.readers.registry import (
+    ARRAY_PICTURE,
+    ARRAYS,
     ESLF,
     LYTRO,
     LYTRO_RAW,
-    NPY_PICTURE,
     OTHER_MESHES,
     TIFF_STACK,
     VIDEOS,
@@ -265,12 +266,12 @@ def _refine(format_: Format, key: str, bundle: Bundle, layout: Layout) -> Format
         from ciir.renderer.readers.containers import tiff_stack
 
         return TIFF_STACK if tiff_stack.is_stack(bundle.files[key]) else format_
-    if format_.name == "NPY":
-        from ciir.renderer.readers.containers import npy_picture
+    if format_.name in ARRAYS:
+        from ciir.renderer.readers.containers import array_pictures
 
         name = _name_main(bundle, key)
         with _reported(name, format_):
-            return NPY_PICTURE if npy_picture.is_picture(bundle.files[key], name) else format_
+            return ARRAY_PICTURE if array_pictures.is_picture(bundle.files[key], name) else format_
     if format_.name == "PNG":
         layout = eia.complete_layout(layout, bundle.files[key])
     if format_.name == "PNG" and layout.lenses is None and layout.arrangement == "auto" and not any(layout.crop):

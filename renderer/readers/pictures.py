@@ -91,7 +91,7 @@ def decode(
 def is_rounded(data: bytes, other: PictureFormat | None = None) -> bool:
     """Whether the picture in `data`, which was decoded, is of floating-point numbers. `other`: as of `decode`."""
     found = find_format(data) or other
-    if found is None or found.name not in ("TIFF", "NPY"):
+    if found is None or found.name not in ("TIFF", "array"):
         return False
     return bool(import_module(f"ciir.renderer.{found.folder}.{found.reader.partition(':')[0]}").is_rounded(data))
 

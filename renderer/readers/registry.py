@@ -188,8 +188,12 @@ VIDEOS = ("MP4", "MKV", "GIF")
 TIFF_STACK = ContainerFormat(name="TIFF stack", suffixes=(".tif", ".tiff"), reader="tiff_stack:read")
 ESLF = ContainerFormat(name="ESLF", suffixes=(".png",), reader="eslf:read")
 """Containers that are pictures, too; what they hold or are called says so, and `readers.inputs` looks there."""
-NPY_PICTURE = PictureFormat(name="NPY", suffixes=(".npy",), reader="containers.npy_picture:decode")
-"""A container that is a picture, where its axes say so."""
+ARRAYS = ("NPY", "NPZ", "MAT", "HDF5")
+"""The names of the containers of arrays."""
+ARRAY_PICTURE = PictureFormat(
+    name="array", suffixes=(".npy", ".npz", ".mat", ".h5", ".hdf5"), reader="containers.array_pictures:decode"
+)
+"""One of them that is a picture, where the array's axes say so."""
 
 SUFFIXES: dict[str, Format] = {suffix: entry for entry in FORMATS for suffix in entry.suffixes}
 """The format of each suffix."""

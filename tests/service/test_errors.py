@@ -18,7 +18,7 @@ def test_every_error_has_a_response(kind):
 
 @pytest.mark.parametrize("kind", CLASSES)
 def test_errors_survive_pickling(kind):
-    for error in (kind(3), errors.TooLarge("message", "pixels", 3), errors.QueueFull("message", 7)):
+    for error in (kind("message"), errors.TooLarge("message", "pixels", 3), errors.QueueFull("message", 7)):
         found = pickle.loads(pickle.dumps(error))  # noqa: S301 - its own
         assert (type(found), str(found), vars(found)) == (type(error), str(error), vars(error))
 

@@ -17,6 +17,7 @@ import struct
 import warnings
 import zipfile
 import zlib
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +25,9 @@ import numpy as np
 
 from ciir.errors import InvalidOption, Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
+from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers.containers.samples import (
+    Header,
     check_array,
     convert_samples,
     find_light_field,
@@ -34,7 +37,7 @@ from ciir.renderer.readers.containers.samples import (
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from numpy.typing import NDArray
 
@@ -80,6 +83,11 @@ class Array:
         flat = np.frombuffer(self._data, self.dtype, math.prod(self.shape), self._start)
         return flat.reshape(self.shape[::-1]).T if self._is_fortran else flat.reshape(self.shape)
 
+    @property
+    def header(self) -> Header:
+        """What stands before the samples."""
+        return Header(self.shape, self.dtype.kind == "f")
+
     def read_text(self) -> str | None:
         """The text of an array without axes; None where it is another array."""
         return str(self.read()) if self.shape == () and self.dtype.kind == "U" else None
@@ -119,15 +127,10 @@ def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> Light
     """The array `LF`, or the only one, or the one with five axes, or the views at their positions, with the depth sense
     that the report states, else that of cameras, with a note.
     """
-    from ciir.renderer.readers.bundle import check_members, check_sum
-
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        members = check_members(name, archive.infolist(), limits)
-        check_sum(name, members.values(), limits)
+    with _open_npz(data, name, limits) as (archive, members):
         arrays = {
-            key.removesuffix(".npy"): Array(_read_member(archive, member, data, name), f"{name}: {clean_text(key)}")
+            key: Array(_read_member(archive, member, data, name), f"{name}: {clean_text(key)}")
             for key, member in members.items()
-            if _is_npy(key)
         }
     shapes = {key: array.shape[:4] if array.is_grey else array.shape for key, array in arrays.items()}
     if 5 not in map(len, shapes.values()):
@@ -141,6 +144,31 @@ def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> Light
         else find_light_field(shapes, name, "a light field LF with five axes, (V, U, H, W, C)")
     )
     return _read_array(arrays[key], None, f"{name}: {clean_text(key)}", layout, limits)
+
+
+def list_headers(data: bytes, name: str) -> dict[str, Header]:
+    """Of the arrays of an npz, without their samples."""
+    with _open_npz(data, name, DEFAULT_LIMITS) as (archive, members):
+        starts = {key: archive.open(member).read(_MOST_HEADER) for key, member in members.items()}
+    found = {key: Array(start, f"{name}: {clean_text(key)}") for key, start in starts.items()}
+    return {key: array.header for key, array in found.items() if array.dtype.kind in "iuf"}
+
+
+def read_array(data: bytes, key: str, name: str) -> NDArray[Any]:
+    """One array of an npz."""
+    with _open_npz(data, name, DEFAULT_LIMITS) as (archive, members):
+        return Array(_read_member(archive, members[key], data, name), f"{name}: {clean_text(key)}").read()
+
+
+@contextmanager
+def _open_npz(data: bytes, name: str, limits: Limits) -> Iterator[tuple[zipfile.ZipFile, dict[str, zipfile.ZipInfo]]]:
+    """The zip and those of its members that are arrays, by the arrays' names."""
+    from ciir.renderer.readers.bundle import check_members, check_sum
+
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        members = check_members(name, archive.infolist(), limits)
+        check_sum(name, members.values(), limits)
+        yield archive, {key.removesuffix(".npy"): member for key, member in members.items() if _is_npy(key)}
 
 
 def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, data: bytes, name: str) -> bytes | memoryview:

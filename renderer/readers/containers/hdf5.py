@@ -19,8 +19,10 @@ import h5py
 
 from ciir.errors import InvalidOption, UnsupportedType
 from ciir.renderer.light_field import LightField
+from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers.containers.hdf5_data_set import DataSet, find_shape
 from ciir.renderer.readers.containers.samples import (
+    Header,
     check_array,
     convert_samples,
     find_light_field,
@@ -86,6 +88,38 @@ def _find_shapes_in_groups(file: h5py.File, keys: Sequence[str]) -> dict[str, tu
     groups = [key for key in keys if isinstance(file.get(key, getlink=True), h5py.HardLink)]
     inner = (f"{key}/{name}" for key in groups if isinstance(file[key], h5py.Group) for name in file[key])
     return {key: find_shape(file, key) for key in islice(inner, _MOST_NAMES)}
+
+
+def list_headers(data: bytes) -> dict[str, Header | None]:
+    """As `array_pictures` needs them."""
+    with h5py.File(io.BytesIO(data), "r") as file:
+        plain = [key for key in islice(file, _MOST_NAMES) if isinstance(file.get(key, getlink=True), h5py.HardLink)]
+        return {key: _find_header(file[key]) for key in plain if _holds_numbers(file[key])}
+
+
+def read_array(data: bytes, key: str, name: str) -> NDArray[Any]:
+    """The data set `key`, with MATLAB's axes put in order."""
+    with h5py.File(io.BytesIO(data), "r") as file:
+        stored = DataSet.open(file, key, data, name)
+        header = _find_header(stored.handle)
+        assert header is not None  # noqa: S101 - `array_pictures` has found it
+        check_array(name, (1, 1, *header.shape, 1)[:5], stored.dtype, DEFAULT_LIMITS)
+        samples = stored.read()
+        return samples.T if _CLASS in stored.handle.attrs else samples
+
+
+def _holds_numbers(found: Any) -> bool:
+    """Whether `_find_header` is to look at it: not at text, and at true and false of MATLAB."""
+    is_data = isinstance(found, h5py.Dataset)
+    return not is_data or (found.dtype.kind in "iufO" and found.attrs.get(_CLASS) not in (b"char", b"logical"))
+
+
+def _find_header(found: Any) -> Header | None:
+    """None for what may hold a light field: a group, references to others, and a mosaic of BasicLFSR."""
+    if not isinstance(found, h5py.Dataset) or found.dtype.kind == "O" or found.name.lstrip("/") in MOSAICS:
+        return None
+    shape = tuple(found.shape or ())
+    return Header(shape[::-1] if _CLASS in found.attrs else shape, found.dtype.kind == "f")
 
 
 def refuse_logical(kind: str, name: str) -> None:

@@ -12,14 +12,16 @@ import struct
 import zlib
 from dataclasses import dataclass
 from itertools import islice
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ciir.errors import TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
+from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers.containers import hdf5
 from ciir.renderer.readers.containers.samples import (
+    Header,
     check_array,
     convert_samples,
     find_light_field,
@@ -31,6 +33,8 @@ from ciir.renderer.readers.names import clean_text
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from numpy.typing import NDArray
+
     from ciir.renderer.limits import Limits
     from ciir.renderer.readers.layout import Layout
 
@@ -38,6 +42,8 @@ VERSION_5 = b"MATLAB 5.0 MAT-file"
 _HEADER_BYTES, _MATRIX, _COMPRESSED = 128, 14, 15
 _PIECE_BYTES = 2**16
 """Of packed bytes, unpacked at a time: memory of that size stays in the processor's cache."""
+_START_BYTES = 2**12
+"""In which a variable's class, size and name lie, packed or not."""
 _MOST_FIELDS = 1000
 """Elements of a struct that are looked at."""
 _CLASSES = (
@@ -46,6 +52,8 @@ _CLASSES = (
 )
 """Of the numbers from 1 (table 1-3)."""
 _TYPES = {"uint8": "u1", "uint16": "u2", "single": "f4", "double": "f8"}
+_HOLDERS = ("cell", "struct", "object")
+_NUMBERS = _CLASSES[5:]
 _STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 """Types of numbers in a file (table 1-1), which may be smaller than those of their class."""
 _COMPLEX, _LOGICAL = 0x800, 0x200
@@ -64,12 +72,26 @@ class Variable:
     samples: bytes | memoryview = b""
     """The first axis fastest."""
 
+    def find_type(self, name: str) -> str:
+        """NumPy's name of its class. Raises `UnsupportedType` for one that is not read; `name` is for messages."""
+        hdf5.refuse_logical(self.kind, name)
+        if self.kind not in _TYPES:
+            raise UnsupportedType(f"{name} is of class {self.kind}; give uint8, uint16, single or double")
+        return _TYPES[self.kind]
+
+    def read(self, order: str, name: str) -> NDArray[Any]:
+        """The samples, whose size must have been checked. `order`: of their bytes."""
+        if self.number not in _STORED:
+            raise Unreadable(f"{name} has samples of type {self.number}, which is none; save it again")
+        samples = np.frombuffer(self.samples, order + _STORED[self.number]).reshape(self.shape, order="F")
+        return samples.astype(self.find_type(name), copy=False)
+
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
     """The variable `LF`, or else the only one with five axes; where there is none, the only one in structs."""
     if not data.startswith(VERSION_5):
         return hdf5.read(data, name=name, layout=layout, limits=limits)
-    order = "<" if data[_HEADER_BYTES - 2 : _HEADER_BYTES] == b"IM" else ">"
+    order = _find_order(data)
     matrices = list(_unpack(data, order, name, limits))
     listed = [found for matrix in matrices for found in _read_variable(matrix, order)]
     variables = dict(listed)
@@ -81,21 +103,52 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
             variables |= {key: found for matrix in matrices for key, found in _read_fields(matrix, order, levels)}
             shapes = {key: variable.shape for key, variable in variables.items()}
     key = find_light_field(shapes, name, hdf5.NEEDED)
-    found = variables[key]
-    hdf5.refuse_logical(found.kind, f"{name}: {clean_text(key)}")
-    if found.kind not in _TYPES:
-        raise UnsupportedType(
-            f"{name}: {clean_text(key)} is of class {found.kind}; give uint8, uint16, single or double"
-        )
+    found, what = variables[key], f"{name}: {clean_text(key)}"
+    type_ = found.find_type(what)
     shape, arranged = settle_axes(found.shape, layout, name)  # MATLAB drops the last axis of grey views
-    check_array(name, shape, _TYPES[found.kind], limits)
-    if found.number not in _STORED:
-        raise Unreadable(f"{name}: {clean_text(key)} has samples of type {found.number}, which is none; save it again")
-    samples = np.frombuffer(found.samples, order + _STORED[found.number]).reshape(found.shape, order="F")
-    samples = samples.reshape(shape).astype(_TYPES[found.kind], copy=False)
+    check_array(name, shape, type_, limits)
+    samples = found.read(order, what).reshape(shape)
     samples, weighted = hdf5.leave_out_weight(samples)
     views, notes = convert_samples(samples, name)
     return LightField(views, arranged + weighted + notes, depth_sense="cameras")
+
+
+def list_headers(data: bytes) -> dict[str, Header | None]:
+    """As `array_pictures` needs them, of a file of version 5, whose samples are not unpacked."""
+    order = _find_order(data)
+    found: dict[str, Header | None] = {}
+    for matrix in _unpack_starts(data, order):
+        for key, variable in _read_variable(matrix, order):
+            if variable.kind in _HOLDERS:
+                found[key] = None
+            elif variable.kind in _NUMBERS:
+                found[key] = Header(variable.shape, variable.kind in ("single", "double"))
+    return found
+
+
+def read_array(data: bytes, key: str, name: str) -> NDArray[Any]:
+    """The variable `key` of a file of version 5."""
+    order, what = _find_order(data), f"{name}: {clean_text(key)}"
+    for matrix in _unpack(data, order, name, DEFAULT_LIMITS):
+        for other, variable in _read_variable(matrix, order):
+            if other == key:
+                check_array(name, (1, 1, *variable.shape, 1)[:5], variable.find_type(what), DEFAULT_LIMITS)
+                return variable.read(order, what)
+    raise KeyError(key)
+
+
+def _find_order(data: bytes) -> str:
+    return "<" if data[_HEADER_BYTES - 2 : _HEADER_BYTES] == b"IM" else ">"
+
+
+def _unpack_starts(data: bytes, order: str) -> Iterator[memoryview]:
+    """The start of the body of each variable's element."""
+    for kind, element in _split(memoryview(data)[_HEADER_BYTES:], order):
+        if kind == _COMPRESSED:
+            start = zlib.decompressobj().decompress(element[:_START_BYTES], _START_BYTES)
+            yield from (inner for kind, inner in _split(memoryview(start), order) if kind == _MATRIX)
+        elif kind == _MATRIX:
+            yield element
 
 
 def _unpack(data: bytes, order: str, name: str, limits: Limits) -> Iterator[memoryview]:

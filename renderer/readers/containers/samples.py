@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,14 @@ if TYPE_CHECKING:
     from ciir.renderer.limits import Limits
     from ciir.renderer.readers.layout import Layout
     from ciir.renderer.views import DepthSense
+
+
+class Header(NamedTuple):
+    """What a file says of an array before its samples."""
+
+    shape: tuple[int, ...]
+    is_float: bool
+
 
 TAKEN_AS_CAMERAS = (
     "depth: the file doesn't say what u and v count; they are taken as cameras from the left and from the top; where "

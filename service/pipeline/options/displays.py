@@ -11,7 +11,7 @@ from ciir.renderer.displays.panel import Conversion
 from ciir.renderer.displays.quilt import parse_grid
 from ciir.renderer.writers.options import MOST_TEXT, RANGES
 from ciir.service.pipeline.options.option import Option
-from ciir.service.pipeline.options.values import LABEL, ValueType, make_name, make_number
+from ciir.service.pipeline.options.values import LABEL, PAIR, ValueType, make_name, make_number
 
 
 def _read_grid(_: str, text: str) -> str:
@@ -27,7 +27,7 @@ def _read_file(name: str, text: str) -> str:
 GRID = ValueType(
     {"type": "string", "pattern": "^([0-9]{1,6}x[0-9]{1,6})?$"},
     _read_grid,
-    lambda pair: "{}x{}".format(*map(int, pair)),
+    lambda pair: "{}x{}".format(*PAIR.convert(pair)),
     "columns and rows, such as (8, 6)",
 )
 TEXT_FILE = ValueType({"type": "string", "maxLength": MOST_TEXT}, _read_file, bytes.decode, "the file's text")

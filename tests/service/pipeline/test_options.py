@@ -247,3 +247,24 @@ def test_light_comes_from_a_direction_that_there_is():
 def test_true_and_false_are_no_numbers(name, value):
     with pytest.raises(InvalidOption, match=rf"^{name}: .* is not understood; give a (whole )?number such as"):
         Options.convert({name: value})
+
+
+@pytest.mark.parametrize(
+    ("name", "make"),
+    [
+        ("lenses", lambda value: (value, 50)),
+        ("view", lambda value: (0, value)),
+        ("views", lambda value: [(0, 0), (value, 7)]),
+        ("crop", lambda value: (0, 0, value, 0)),
+        ("background", lambda value: (value, 0, 0)),
+        ("rotate", lambda value: (value, 0, 0)),
+        ("time", lambda value: value),
+        ("time", lambda value: (0, value)),
+        ("animation", lambda value: value),
+        ("quilt", lambda value: (value, 6)),
+    ],
+)
+@pytest.mark.parametrize("value", [True, np.True_])
+def test_true_is_no_number_among_others(name, make, value):
+    with pytest.raises(InvalidOption, match=rf"^{name}: .*True.* is not understood; give "):
+        Options.convert({name: make(value)})
