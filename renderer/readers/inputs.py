@@ -158,13 +158,21 @@ def _find_eslf(light_field: LightField, layout: Layout) -> LightField:
 
 def holds_views(bundle: Bundle, layout: Layout) -> bool:
     """Whether `open_input` reads `bundle`, which is no raw lenslet picture, as views, not as elemental images."""
-    found = find_main(bundle)
+    found = find_content(bundle, layout)
     if found is None:
         return True
-    format_ = _refine(*found, bundle, layout)
+    format_, key = found
     if isinstance(format_, ContainerFormat):
         return format_.name not in VIDEOS or not layout.selects_frame
-    return isinstance(format_, PictureFormat) and _find_quilt(bundle, found[1], layout) is not None
+    return isinstance(format_, PictureFormat) and _find_quilt(bundle, key, layout) is not None
+
+
+def find_content(bundle: Bundle, layout: Layout) -> tuple[Format, str] | None:
+    """As `find_main`, but what a file holds decides where its format leaves that open: an array may be a picture, and a
+    picture a container.
+    """
+    found = find_main(bundle)
+    return None if found is None else (_refine(*found, bundle, layout), found[1])
 
 
 def find_main(bundle: Bundle) -> tuple[Format, str] | None:

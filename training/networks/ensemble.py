@@ -14,9 +14,17 @@ from torch.nn import functional
 
 from ciir.training.networks.compact import CompactGenerator
 from ciir.training.networks.guard import COLOURS, limit_change
+from ciir.training.networks.interpolation import BicubicReduction
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+
+ROUNDING = 1 / 255
+"""Difference of an input and the picture made small again that rounding and the network's own errors make. Where it is
+larger in the mean square of a neighbourhood, the input was not made by bicubic reduction: rendered views, for example,
+whose difference must not be undone."""
+NEIGHBOURHOOD = 5
+"""Its side, LR pixels."""
 
 
 class Ensemble(nn.Module):
@@ -25,6 +33,10 @@ class Ensemble(nn.Module):
     ::
 
         image = PixelShuffle(limit(change_1(image) + ... + change_n(image)) + bicubic(image))
+
+    `projected`: back-projection follows (Irani and Peleg, "Improving resolution by image registration", CVGIP 53(3),
+    1991): what bicubic reduction makes of that picture is compared with the input, and the difference is interpolated
+    and added, with a weight of `1 / (1 + m^2)` where m is the mean of its square in units of `ROUNDING^2`.
     """
 
     def __init__(
@@ -36,15 +48,19 @@ class Ensemble(nn.Module):
         *,
         guard: bool = False,
         rounded: bool = False,
+        projected: bool = False,
     ) -> None:
-        """`members`: how many generators. `guard`: whether the sum is limited (`guard.limit_change`). The other options
-        are of each: see `compact.CompactGenerator`. Raises `ValueError` for less than one member.
+        """`members`: how many generators. `guard`: whether the sum is limited (`guard.limit_change`). `projected`: see
+        the class. The other options are of each: see `compact.CompactGenerator`.
+
+        Raises `ValueError` for less than one member.
         """
         if members < 1:
             raise ValueError(f"members is {members}; give 1 or more")
         super().__init__()
         self.scale, self.guard = scale, guard
         self.members = nn.ModuleList(CompactGenerator(widths, scale, slope, rounded=rounded) for _ in range(members))
+        self.reduction = BicubicReduction(scale) if projected else None
 
     def forward(self, image: Tensor) -> Tensor:
         """See the class."""
@@ -53,7 +69,18 @@ class Ensemble(nn.Module):
         change = sum(changes[1:], start=changes[0])
         if self.guard:
             change = limit_change(change, image)
-        return functional.pixel_shuffle(change + members[0].base(image), self.scale)
+        base = members[0].base
+        phases = change + base(image)
+        if self.reduction is not None:
+            phases = phases + base(_weigh(image - self.reduction(phases)))
+        return functional.pixel_shuffle(phases, self.scale)
+
+
+def _weigh(difference: Tensor) -> Tensor:
+    """A difference `(N, 3, H, W)` times its weight for back-projection (see `Ensemble`)."""
+    power = (difference / ROUNDING).square().mean(1, keepdim=True)
+    around = functional.avg_pool2d(power, NEIGHBOURHOOD, 1, NEIGHBOURHOOD // 2, count_include_pad=False)
+    return difference / (1 + around.square())
 
 
 def split_weights(found: Mapping[str, Tensor], members: int) -> dict[str, Tensor]:

@@ -1,10 +1,11 @@
-"""Bicubic interpolation as a layer, for training and for export, and the number of doublings of a scale."""
+"""Bicubic interpolation and reduction as layers, for training and export, and the number of doublings of a scale."""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
@@ -62,6 +63,34 @@ class SeparableBicubic(nn.Module):
     def forward(self, image: Tensor) -> Tensor:
         """See the class."""
         output: Tensor = self.across(self.down(functional.pad(image, (2, 2, 2, 2), mode="replicate")))
+        return output
+
+
+class BicubicReduction(nn.Module):
+    """What bicubic reduction with antialiasing (MATLAB's `imresize`) makes of the picture that PixelShuffle would make:
+    `(N, C * scale^2, H, W)` -> `(N, C, H, W)`. At the border the outermost pixels are repeated, all phases of them.
+    """
+
+    def __init__(self, scale: int, colours: int = 3) -> None:
+        """`colours`: C."""
+        super().__init__()
+        places = np.arange(5 * scale) - 2 * scale - (scale - 1) / 2  # of five pixels' phases, seen from the middle
+        taps = keys_kernel(places / scale).reshape(5, scale).T
+        kernel = torch.from_numpy(taps / taps.sum()).float()
+        self.down = nn.Conv2d(colours * scale**2, colours * scale, (5, 1), groups=colours, bias=False)
+        self.across = nn.Conv2d(colours * scale, colours, (1, 5), groups=colours, bias=False)
+        rows = torch.einsum("ay,bc->caby", kernel, torch.eye(scale))  # each phase across stays itself
+        self.down.weight = nn.Parameter(
+            rows.reshape(scale, scale**2, 5, 1).repeat(colours, 1, 1, 1), requires_grad=False
+        )
+        self.across.weight = nn.Parameter(kernel[None, :, None, :].repeat(colours, 1, 1, 1), requires_grad=False)
+
+    def forward(self, phases: Tensor) -> Tensor:
+        """See the class."""
+        # In float32, as `Bicubic`.
+        with torch.autocast(phases.device.type, enabled=False):
+            padded = functional.pad(phases, (2, 2, 2, 2), mode="replicate")
+            output: Tensor = self.across(self.down(padded))
         return output
 
 

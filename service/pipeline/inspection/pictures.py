@@ -16,7 +16,7 @@ from ciir.renderer.readers.lenslet.calibration import detect_grid
 from ciir.renderer.readers.lenslet.grid import Known
 from ciir.renderer.readers.lenslet.reader import find_grid
 from ciir.renderer.readers.lenslet.resampling import fit_pixels
-from ciir.renderer.readers.registry import LYTRO, LYTRO_RAW, identify
+from ciir.renderer.readers.registry import ARRAY_PICTURE, LYTRO, LYTRO_RAW
 from ciir.service.pipeline.options import write_texts
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.lenslet.calibration import Calibration
     from ciir.renderer.readers.lenslet.grid import LensGrid
     from ciir.renderer.readers.pictures import Pixels
+    from ciir.renderer.readers.registry import PictureFormat
     from ciir.service.pipeline.options import Options
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.source import Input
@@ -33,14 +34,14 @@ if TYPE_CHECKING:
     Candidate = dict[str, Any]
 
 
-def describe_picture(given: Input, key: str, options: Options) -> Report:
-    """The report of the picture `key`, without times. Raises `InputError`."""
+def describe_picture(given: Input, format_: PictureFormat, key: str, options: Options) -> Report:
+    """The report of the picture `key`, which may be an array, without times. Raises `InputError`."""
     bundle = given.bundle
     assert bundle is not None  # noqa: S101 - the key is of its files
     data = bundle.files[key]
-    picture = pictures.decode(data, name=given.name, max_pixels=given.limits.pixels)
+    picture = pictures.decode(data, name=given.name, max_pixels=given.limits.pixels, other=format_)
     own = complete_layout(Layout(), data)
-    candidates = [_describe_own(own)] if own.pixels else _find_candidates(bundle, key, picture, options)
+    candidates = [_describe_own(own)] if own.pixels else _find_candidates(bundle, format_, key, picture, options)
     return {
         "kind": candidates[0]["kind"] if candidates else "picture",
         "input": given.describe(LightField(picture[None, None])),
@@ -56,14 +57,17 @@ def _describe_own(layout: Layout) -> Candidate:
     return {"kind": layout.arrangement, "options": options, "lenses": layout.lenses, "pixels": layout.pixels}
 
 
-def _find_candidates(bundle: Bundle, key: str, picture: Pixels, options: Options) -> list[Candidate]:
+def _find_candidates(
+    bundle: Bundle, format_: PictureFormat, key: str, picture: Pixels, options: Options
+) -> list[Candidate]:
     """What the picture `key` may be, the likeliest first. Raises `InputError`."""
     periods = Periods(picture)
     sizes = periods.rank_sizes()
-    is_lytro = identify(key, bundle.files[key]) in (LYTRO, LYTRO_RAW)
+    is_lytro = format_ in (LYTRO, LYTRO_RAW)
     is_raw = options.known_grid is not None or is_lytro or bool(bundle.find_frames(key))
     candidates = []
-    if is_raw or detect_grid(picture, sizes[0][0] if sizes else USUAL_PIXELS) is not None:
+    may_be_raw = format_ is not ARRAY_PICTURE  # whose lens grid isn't read
+    if is_raw or (may_be_raw and detect_grid(picture, sizes[0][0] if sizes else USUAL_PIXELS) is not None):
         try:
             grid = find_grid(bundle, key, options.known_grid or Known())
         except (Unreadable, InvalidOption):  # the whole picture shows none

@@ -27,21 +27,21 @@ def inspect(source: Source, options: Options, clock: Clock | None = None) -> Rep
     clock = clock or Clock()
     given = Input(source)
     with clock.stage("decode"):
-        key = _find_picture(given, options)
-        found = _describe_content(given, options) if key is None else describe_picture(given, key, options)
+        picture = _find_picture(given, options)
+        found = _describe_content(given, options) if picture is None else describe_picture(given, *picture, options)
     return found | {"versions": find_versions(), "timings_ms": clock.timings_ms()}
 
 
-def _find_picture(given: Input, options: Options) -> str | None:
+def _find_picture(given: Input, options: Options) -> tuple[PictureFormat, str] | None:
     """The picture whose lens grid is to be found; None for another input, or where options say what it is."""
     bundle = given.bundle
     if bundle is None or options.lenses is not None or (options.pixels is not None and options.known_grid is None):
         return None
     is_raw = options.known_grid is not None
-    found = inputs.find_main(bundle)
+    found = inputs.find_main(bundle) if is_raw else inputs.find_content(bundle, make_layout(options))
     if found is None or not isinstance(found[0], PictureFormat):
         return None
-    return None if not is_raw and inputs.holds_views(bundle, make_layout(options)) else found[1]
+    return None if not is_raw and inputs.holds_views(bundle, make_layout(options)) else (found[0], found[1])
 
 
 def _describe_content(given: Input, options: Options) -> Report:

@@ -9,8 +9,9 @@ from torch.nn import functional
 from ciir.training.networks import make_network
 from ciir.training.networks.collapsible import CollapsibleConv, collapse
 from ciir.training.networks.compact import CompactGenerator
-from ciir.training.networks.ensemble import Ensemble, split_weights
+from ciir.training.networks.ensemble import ROUNDING, Ensemble, split_weights
 from ciir.training.networks.guard import limit_change
+from ciir.training.networks.interpolation import BicubicReduction
 from ciir.training.networks.rounding import RoundedReLU
 
 
@@ -57,6 +58,45 @@ def test_the_limit_is_that_of_the_sum():
     torch.testing.assert_close(ensemble(image), wanted, atol=1e-5, rtol=0)
     each = functional.pixel_shuffle(sum(limit_change(change, image) for change in changes) + base, 2)
     assert (each - wanted).abs().max() > 0.01
+
+
+def make_brighter(amount):
+    """An ensemble whose picture is brighter by `amount` than interpolation."""
+    ensemble = Ensemble((8, 8), projected=True)
+    for weight in (weight for member in ensemble.members for weight in member.tail.parameters()):
+        weight.zero_()
+    ensemble.members[0].tail.bias.add_(amount)
+    return ensemble
+
+
+@torch.no_grad()
+@pytest.mark.parametrize("levels", [0.1, 1.0, 4.0])
+def test_back_projection_takes_up_small_differences_whole_and_leaves_large_ones(levels):
+    image = torch.full((1, 3, 9, 9), 0.5)
+    amount = levels / 255
+    reduced = BicubicReduction(2)(functional.pixel_unshuffle(make_brighter(amount)(image), 2))
+    left = amount - amount / (1 + (amount / ROUNDING) ** 4)  # 1e-4, a half, and 0.996 of it
+    torch.testing.assert_close(reduced - image, torch.full_like(image, left), atol=1e-6, rtol=0)
+
+
+@torch.no_grad()
+def test_back_projection_weighs_by_neighbourhoods():
+    """A difference of a hundredth of a level is taken up, but not beside an edge that was not made bicubically."""
+    ensemble, image = make_brighter(0.01 / 255), torch.full((1, 3, 24, 24), 0.5)
+    plain = make_brighter(0.01 / 255)
+    plain.reduction = None
+    image[..., 12] = torch.tensor([0.9, 0.1]).repeat(12)  # alternating samples, which no reduction leaves
+    change = (ensemble(image) - plain(image)).abs()
+    assert change[..., 2:-2, 2:12].max() > 0.009 / 255
+    assert change[..., 2:-2, 20:28].max() < 0.3 / 255
+
+
+def test_back_projection_is_trained_through():
+    torch.manual_seed(10)
+    ensemble = Ensemble((8, 8), projected=True)
+    ensemble(torch.rand(1, 3, 9, 9)).square().mean().backward()
+    assert all(member.tail.kernel.grad.abs().max() > 0 for member in ensemble.members)
+    assert all(weight.grad is None for weight in ensemble.reduction.parameters())
 
 
 def test_options_are_those_of_each_member():

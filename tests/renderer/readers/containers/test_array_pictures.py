@@ -126,6 +126,17 @@ def test_options_of_elemental_image_arrays_are_taken(array, tmp_path):
 
 
 @pytest.mark.parametrize("kind", FILES)
+def test_what_an_array_may_be_is_listed_as_of_a_picture(kind):
+    views = ciir.render("scene:vase", lenses=(40, 40), pixels=(9, 9), backend="raytrace")
+    array = np.ascontiguousarray(views.eia()[..., :3])
+    name, save = FILES[kind]
+    got = inspect(Bundle.from_upload(name, save(eia=array)), Options())
+    want = inspect(Bundle.from_upload("a.png", encode_png(array)), Options())
+    assert got["candidates"] == want["candidates"]
+    assert got["kind"] == want["kind"] == "eia"
+
+
+@pytest.mark.parametrize("kind", FILES)
 @pytest.mark.parametrize("convert", [lambda eia: eia, lambda eia: eia[..., 0], lambda eia: eia.astype("u2") * 257])
 def test_in_other_files_it_is_read_as_in_npy(array, kind, convert):
     made = convert(array)
