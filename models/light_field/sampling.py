@@ -25,6 +25,9 @@ of a grid of 15x15, where it is 1.09. Of samples and means it is 1.06 and more, 
 little detail is."""
 NOT_MEANS, MEANS = 1.2, 1.3
 """The same ratio, up to which a view doesn't count as means, and from which it does."""
+UNSURE = (FILTERED, 1.1), (NOT_MEANS, MEANS)
+"""The same ratio, where a view may have been sampled otherwise than it looks: after bicubic interpolation it is up to
+1.07 at corners of a light field in which the network knows much, 0.75 in the middle."""
 CLEAN = {"filter": (0.036, 0.046), "means": (0.046, 0.056)}
 """Difference after the filter or means over the mean range of 3x3 pixels, up to which a view counts as clean, and from
 which it doesn't. On those views it is 0.013 to 0.031 after the filter and 0.023 to 0.048 of means, but for that
@@ -54,11 +57,17 @@ class Sampling(NamedTuple):
     """Size of differences that are noise, in luma of [0, 1]."""
 
 
-def find_sampling(large: Pixels, small: Pixels) -> Sampling | None:
-    """How the view `small` `(H, W, C)` was sampled, of which a network made `large` `(scale*H, scale*W, C)`.
+class Finding(NamedTuple):
+    """What `find_sampling` finds."""
 
-    None where it looks like neither kind, or is flat.
-    """
+    sampling: Sampling | None
+    """None where a view looks like neither kind, or is flat."""
+    is_sure: bool = True
+    """Whether the view itself says clearly enough what it looks like."""
+
+
+def find_sampling(large: Pixels, small: Pixels) -> Finding:
+    """How the view `small` `(H, W, C)` was sampled, of which a network made `large` `(scale*H, scale*W, C)`."""
     from PIL import Image  # the web process does without
 
     scale, peak, height = len(large) // len(small), float(np.iinfo(small.dtype).max), len(small)
@@ -76,15 +85,16 @@ def find_sampling(large: Pixels, small: Pixels) -> Sampling | None:
     sums = {kind: sum(map(_add_squares, parts)) for kind, parts in differences.items()}
     contrast = sum(map(_add_squares, ranges))
     if min(sums["means"], contrast) <= FLAT:
-        return None
+        return Finding(None)
     ratio = (sums["filter"] / sums["means"]) ** 0.5
     filtered, means = 1 - _rise(ratio, FILTERED, UNFILTERED), _rise(ratio, NOT_MEANS, MEANS)
     kind, likeness = ("filter", filtered) if filtered else ("means", means)
+    is_sure = not any(low < ratio < high for low, high in UNSURE)
     if not likeness:
-        return None
+        return Finding(None, is_sure)
     cleanness = 1 - _rise((sums[kind] / contrast) ** 0.5, *CLEAN[kind])
     error = np.median(np.abs(np.concatenate([part.ravel() for part in differences[kind]]))) / MEDIAN
-    return Sampling(kind, likeness, likeness * cleanness, ERRORS[kind] * float(error))
+    return Finding(Sampling(kind, likeness, likeness * cleanness, ERRORS[kind] * float(error)), is_sure)
 
 
 def _crop_border(plane: Plane) -> Plane:

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from ciir.models.light_field.views import join_groups, list_required_views
-from ciir.models.light_field.windows import WINDOW_SIDE
+from ciir.models.light_field.views import join_groups
+from ciir.models.light_field.windows import WINDOW_SIDE, list_required_views
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

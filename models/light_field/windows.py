@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
 View = tuple[int, int]
@@ -47,3 +49,17 @@ def list_window(view: View, grid: tuple[int, int]) -> list[tuple[View, tuple[int
     """
     rows, cols = select_axis(view[0], grid[0]), select_axis(view[1], grid[1])
     return [((row, col), (row - view[0], col - view[1])) for row in rows.views for col in cols.views]
+
+
+def list_required_views(wanted: Sequence[View], grid: tuple[int, int]) -> list[View]:
+    """Every view (v, u) of the windows around `wanted`, in a grid of `grid` views, row by row and each once."""
+    return sorted({other for view in wanted for other, _ in list_window(view, grid)})
+
+
+def find_middle(view: View, grid: tuple[int, int]) -> View:
+    """The view in the middle of the window around `view`, in a small grid the one nearest to it that is: itself, but at
+    the border.
+    """
+    sides = (min(WINDOW_SIDE // 2, (count - 1) // 2) for count in grid)
+    v, u = (max(side, min(at, count - 1 - side)) for at, count, side in zip(view, grid, sides, strict=True))
+    return v, u

@@ -1,4 +1,4 @@
-"""Several of our generators side by side, whose changes are added: an ensemble, trained as one network.
+"""Several of our generators side by side, whose changes are added: an ensemble.
 
 Where it starts from one generator (`split_weights`), each member is turned by another quarter (geometric self-ensemble:
 EDSR, Lim et al., CVPRW 2017). The turn is in its kernels: no picture is turned when the network runs.
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
 ROUNDING = 1 / 255
-"""Difference of an input and the picture made small again that rounding and the network's own errors make. Where it is
-larger in the mean square of a neighbourhood, the input was not made by bicubic reduction: rendered views, for example,
-whose difference must not be undone."""
+"""Difference of an input and the picture made small again that rounding and the network's errors leave. Where the
+difference around a pixel is larger, the input was not made by bicubic reduction, and it is left: in rendered views, for
+example."""
 NEIGHBOURHOOD = 5
-"""Its side, LR pixels."""
+"""Side of the square around a pixel, LR pixels."""
 
 
 class Ensemble(nn.Module):
@@ -34,9 +34,10 @@ class Ensemble(nn.Module):
 
         image = PixelShuffle(limit(change_1(image) + ... + change_n(image)) + bicubic(image))
 
-    `projected`: back-projection follows (Irani and Peleg, "Improving resolution by image registration", CVGIP 53(3),
-    1991): what bicubic reduction makes of that picture is compared with the input, and the difference is interpolated
-    and added, with a weight of `1 / (1 + m^2)` where m is the mean of its square in units of `ROUNDING^2`.
+    `projected`: with back-projection (Irani and Peleg, "Improving resolution by image registration", CVGIP 53(3),
+    1991). What bicubic reduction makes of the picture before the limit is compared with the input, and the difference
+    is interpolated and added to the changes, with a weight of `1 / (1 + m^2)` where m is the mean of its square around,
+    in units of `ROUNDING^2`.
     """
 
     def __init__(
@@ -66,14 +67,13 @@ class Ensemble(nn.Module):
         """See the class."""
         members = [cast("CompactGenerator", member) for member in self.members]
         changes = [member.compute_change(image) for member in members]
-        change = sum(changes[1:], start=changes[0])
+        change, interpolate = sum(changes[1:], start=changes[0]), members[0].base
+        interpolated = interpolate(image)
+        if self.reduction is not None:
+            change = change + interpolate(_weigh(image - self.reduction(change + interpolated)))
         if self.guard:
             change = limit_change(change, image)
-        base = members[0].base
-        phases = change + base(image)
-        if self.reduction is not None:
-            phases = phases + base(_weigh(image - self.reduction(phases)))
-        return functional.pixel_shuffle(phases, self.scale)
+        return functional.pixel_shuffle(change + interpolated, self.scale)
 
 
 def _weigh(difference: Tensor) -> Tensor:

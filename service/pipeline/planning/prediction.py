@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.models import catalogue
-from ciir.models.light_field.views import list_required_views
+from ciir.models.light_field.windows import list_required_views
 from ciir.renderer import backends
 from ciir.renderer.framing import CLEARANCE, FILL
 from ciir.service.pipeline.options import NO_MODEL

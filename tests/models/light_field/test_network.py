@@ -152,7 +152,7 @@ def test_parallax_is_kept(name, axis):
 @each_network
 def test_tiled_equals_whole(name, monkeypatch):
     whole = upscale_view(name, render_low("globe"))
-    monkeypatch.setattr("ciir.models.light_field.views.TILE_PIXELS", 80 * 80)
+    monkeypatch.setattr("ciir.models.light_field.runner.TILE_PIXELS", 80 * 80)
     tiled = upscale_view(name, render_low("globe"))
     assert np.abs(tiled.astype(int) - whole).max() <= 1  # float sums in another order, then rounded
 

@@ -6,8 +6,13 @@ from PIL import Image
 
 from ciir.models.back_projection import restore_luma
 from ciir.models.light_field.finishing import MOST, SURROUNDED
-from ciir.models.light_field.sampling import WHOLE_ROWS, find_sampling
+from ciir.models.light_field.sampling import WHOLE_ROWS
+from ciir.models.light_field.sampling import find_sampling as find
 from ciir.models.light_field.views import upscale_views
+
+
+def find_sampling(large, small):
+    return find(large, small).sampling
 
 
 def make_fine(height, width, channels=3, dtype=np.uint8):
@@ -77,6 +82,17 @@ def test_between_filter_and_means_the_likeness_falls_and_rises():
     assert any(-1 < one < 0 for one in likeness)
 
 
+def test_a_view_between_two_answers_is_not_sure():
+    fine = make_fine(60, 40)
+    ends = filter_down(fine).astype(float), average_down(fine).astype(float)
+    mixed = [np.rint((1 - part) * ends[0] + part * ends[1]).astype(np.uint8) for part in np.linspace(0, 1, 81)]
+    found = [find(fine, small) for small in mixed]
+    assert found[0].is_sure
+    assert found[-1].is_sure
+    assert all(not one.is_sure for one in found if one.sampling and one.sampling.likeness < 1)
+    assert any(one.is_sure for one in found if one.sampling is None)
+
+
 @pytest.mark.parametrize("shape", [(2, 2), (4, 30), (30, 4), (1, 1)])
 def test_a_view_that_is_all_border_is_neither(shape):
     fine = make_fine(*shape)
@@ -142,3 +158,50 @@ def test_views_are_restored_as_they_were_sampled():
                     want = np.rint((1 - share) * fine).astype(np.uint8)
                 want = restore_luma(want, small, kind) if finds else want
                 np.testing.assert_allclose(picture, want, atol=2)  # the mean is rounded, of numbers in another order
+
+
+class MakingTwo:
+    """A stand-in for a light-field network, which makes what it is given for each view, known by its first pixel."""
+
+    scale, radius, threads = 2, 2, 1
+
+    def __init__(self, pictures):
+        self.pictures = pictures
+        self.made = []
+
+    def __call__(self, image, around, rows, cols, disparities, *, cores=None):
+        numbers = np.rint(255 * image[:, 0, 0, 0]).astype(int).tolist()
+        self.made += numbers
+        large = [np.moveaxis(self.pictures[number], 2, 0).astype(np.float32) / 255 for number in numbers]
+        return np.stack(large), np.full_like(image[:, :1], 0.3)
+
+
+@pytest.mark.parametrize("grid", [(5, 6), (3, 4), (7, 7)])
+def test_where_a_view_leaves_it_open_the_middle_of_its_window_decides(grid):
+    fine = make_fine(40, 30)
+    means, filtered = average_down(fine), filter_down(fine)
+    half = np.rint((means.astype(float) + filtered) / 2).astype(np.uint8)
+    # The network's picture of the first view fits neither way of sampling, that of the others fits means.
+    views = {(v, u): means.copy() for v in range(grid[0]) for u in range(grid[1])}
+    views[0, 0] = half.copy()
+    for view, small in views.items():
+        small[0, 0] = 7 if view == (0, 0) else 9
+    network = MakingTwo({7: fine, 9: fine})
+    assert not find(fine, views[0, 0]).is_sure
+    assert find(fine, views[1, 1]) == find(fine, views[2, 2])
+    made, finished = upscale_views(network, Black(), views, [(0, 0)], grid, finds_sampling=True)
+    assert network.made == [7, 9]
+    assert finished == [(0, False, True)]
+    wanted = find_sampling(fine, views[1, 1])
+    want = restore_luma(fine, views[0, 0], "means", gain=wanted.gain, noise=wanted.noise)
+    np.testing.assert_array_equal(made[0], want)
+
+
+def test_views_that_are_sure_ask_no_other():
+    fine = make_fine(40, 30)
+    views = {(v, u): average_down(fine) for v in range(5) for u in range(5)}
+    for number, small in enumerate(views.values()):
+        small[0, 0] = number
+    network = MakingTwo(dict.fromkeys(range(25), fine))
+    upscale_views(network, Black(), views, [(0, 0), (2, 2)], (5, 5), finds_sampling=True)
+    assert sorted(network.made) == [0, 12]

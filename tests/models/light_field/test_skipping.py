@@ -57,7 +57,7 @@ def test_views_of_many_disparities_are_the_same_with_skipping_in_tiles_and_alone
     assert {-9, 0, 6} <= set(np.unique(measure_shifts(views, (2, 2), (5, 5))))
     network, fallback = IntegerLightFieldNetwork(), IntegerNetwork()
     alone = [upscale_views(network, fallback, views, [view], (5, 5), skip=False)[0][0] for view in wanted]
-    monkeypatch.setattr("ciir.models.light_field.views.TILE_PIXELS", tile_pixels)
+    monkeypatch.setattr("ciir.models.light_field.runner.TILE_PIXELS", tile_pixels)
     for skip in (True, False):
         statistics = SkipStatistics()
         got, _ = upscale_views(network, fallback, views, wanted, (5, 5), skip=skip, statistics=statistics)
@@ -106,7 +106,7 @@ def test_a_views_result_depends_on_no_other_view_and_on_no_tile(monkeypatch, mov
         upscale_views(IntegerLightFieldNetwork(), IntegerNetwork(), views, [at], (7, 7), skip=False)[0][0]
         for at in wanted
     ]
-    monkeypatch.setattr("ciir.models.light_field.views.TILE_PIXELS", tile_pixels)
+    monkeypatch.setattr("ciir.models.light_field.runner.TILE_PIXELS", tile_pixels)
     statistics = SkipStatistics()
     got, _ = upscale_views(IntegerLightFieldNetwork(), IntegerNetwork(), views, wanted, (7, 7), statistics=statistics)
     np.testing.assert_array_equal(got, whole)

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from ciir.models import catalogue
 from ciir.models.light_field.strides import choose_stride, list_spaced_views, upscale_spaced_views
-from ciir.models.light_field.views import list_required_views, upscale_views
+from ciir.models.light_field.views import upscale_views
+from ciir.models.light_field.windows import list_required_views
 
 GRIDS = st.tuples(st.integers(1, 14), st.integers(1, 14))
 

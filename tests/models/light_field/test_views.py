@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from ciir.errors import InvalidImage
 from ciir.models.light_field.finishing import CONFIDENT, UNCERTAIN
 from ciir.models.light_field.planes import Range
-from ciir.models.light_field.views import list_required_views, upscale_views
-from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
+from ciir.models.light_field.views import upscale_views
+from ciir.models.light_field.windows import WINDOW_SIDE, list_required_views, select_axis
 
 
 class Repeating:
@@ -88,7 +88,7 @@ def test_views_with_the_same_rows_and_columns_present_share_a_batch():
 
 def test_the_network_gets_the_range_that_is_measured_or_given(monkeypatch):
     ranges = {(0, 0): Range(-0.5, 0.25), (2, 2): Range(0.0, 1.0)}
-    monkeypatch.setattr("ciir.models.light_field.views.measure_ranges", lambda *_: list(ranges.values()))
+    monkeypatch.setattr("ciir.models.light_field.runner.measure_ranges", lambda *_: list(ranges.values()))
     views, network = make_light_field((3, 3)), Repeating()
     upscale_views(network, fallback, views, list(ranges), (3, 3))
     assert [call[4] for call in network.calls] == list(ranges.values())
@@ -115,7 +115,7 @@ def test_alpha_is_refused():
 
 
 def test_large_views_are_upscaled_in_tiles(monkeypatch):
-    monkeypatch.setattr("ciir.models.light_field.views.TILE_PIXELS", 100)
+    monkeypatch.setattr("ciir.models.light_field.runner.TILE_PIXELS", 100)
     views, network = make_light_field((3, 3), (23, 31, 3)), Repeating()
     (got,), _ = upscale_views(network, fallback, views, [(1, 1)], (3, 3))
     assert len(network.calls) > 10
@@ -220,7 +220,7 @@ def test_a_views_result_depends_on_no_other_view_and_on_no_tile(monkeypatch, til
     views |= dark | far
     wanted = [(5, 5), (0, 0), (3, 3), (6, 0), (1, 5)]
     whole = [upscale_views(UncertainWhereBright(), fallback, views, [at], (7, 7)) for at in wanted]
-    monkeypatch.setattr("ciir.models.light_field.views.TILE_PIXELS", tile_pixels)
+    monkeypatch.setattr("ciir.models.light_field.runner.TILE_PIXELS", tile_pixels)
     batch, finished = upscale_views(UncertainWhereBright(), fallback, views, wanted, (7, 7))
     for got, how, (expected, expected_how) in zip(batch, finished, whole, strict=True):
         np.testing.assert_array_equal(got, expected[0])

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ciir.models.light_field.windows import WINDOW_SIDE, list_window, select_axis
+from ciir.models.light_field.windows import WINDOW_SIDE, find_middle, list_required_views, list_window, select_axis
 
 
 @given(st.integers(1, 40).flatmap(lambda count: st.tuples(st.integers(0, count - 1), st.just(count))))
@@ -56,3 +56,16 @@ def test_views_and_offsets_are_listed_row_by_row():
     assert all((v - 0, u - 3) == offset for (v, u), offset in found)
     assert found[0] == ((0, 1), (0, -2))  # no row is above
     assert found[-1] == ((4, 5), (4, 2))
+
+
+@pytest.mark.parametrize("rows", [3, 4, 5, 6, 9])
+@pytest.mark.parametrize("cols", [3, 5, 8])
+def test_the_middle_of_a_window_is_the_nearest_view_with_others_on_each_side(rows, cols):
+    grid = rows, cols
+    sides = [2 if count >= 5 else 1 for count in grid]
+    inner = [(v, u) for v in range(sides[0], rows - sides[0]) for u in range(sides[1], cols - sides[1])]
+    for view in np.ndindex(grid):
+        nearest = min(inner, key=lambda other: abs(other[0] - view[0]) + abs(other[1] - view[1]))
+        middle = find_middle(view, grid)
+        assert middle == nearest
+        assert set(list_required_views([middle], grid)) <= set(list_required_views([view], grid))

@@ -3,13 +3,15 @@
 import pytest
 
 pytest.importorskip("torch", reason="needs the training extra")
+import numpy as np
 import torch
 from torch.nn import functional
 
+from ciir.training.networks import ensemble as module
 from ciir.training.networks import make_network
 from ciir.training.networks.collapsible import CollapsibleConv, collapse
 from ciir.training.networks.compact import CompactGenerator
-from ciir.training.networks.ensemble import ROUNDING, Ensemble, split_weights
+from ciir.training.networks.ensemble import Ensemble, split_weights
 from ciir.training.networks.guard import limit_change
 from ciir.training.networks.interpolation import BicubicReduction
 from ciir.training.networks.rounding import RoundedReLU
@@ -60,9 +62,9 @@ def test_the_limit_is_that_of_the_sum():
     assert (each - wanted).abs().max() > 0.01
 
 
-def make_brighter(amount):
+def make_brighter(amount, scale=2, **options):
     """An ensemble whose picture is brighter by `amount` than interpolation."""
-    ensemble = Ensemble((8, 8), projected=True)
+    ensemble = Ensemble((8, 8), scale, projected=True, **options)
     for weight in (weight for member in ensemble.members for weight in member.tail.parameters()):
         weight.zero_()
     ensemble.members[0].tail.bias.add_(amount)
@@ -70,33 +72,54 @@ def make_brighter(amount):
 
 
 @torch.no_grad()
+@pytest.mark.parametrize("scale", [2, 4])
 @pytest.mark.parametrize("levels", [0.1, 1.0, 4.0])
-def test_back_projection_takes_up_small_differences_whole_and_leaves_large_ones(levels):
+def test_back_projection_takes_up_small_differences_and_leaves_large_ones(levels, scale):
     image = torch.full((1, 3, 9, 9), 0.5)
     amount = levels / 255
-    reduced = BicubicReduction(2)(functional.pixel_unshuffle(make_brighter(amount)(image), 2))
-    left = amount - amount / (1 + (amount / ROUNDING) ** 4)  # 1e-4, a half, and 0.996 of it
+    reduced = BicubicReduction(scale)(functional.pixel_unshuffle(make_brighter(amount, scale)(image), scale))
+    left = amount - amount / (1 + levels**4)  # 1e-4, a half, and 0.996 of it
     torch.testing.assert_close(reduced - image, torch.full_like(image, left), atol=1e-6, rtol=0)
 
 
 @torch.no_grad()
-def test_back_projection_weighs_by_neighbourhoods():
-    """A difference of a hundredth of a level is taken up, but not beside an edge that was not made bicubically."""
-    ensemble, image = make_brighter(0.01 / 255), torch.full((1, 3, 24, 24), 0.5)
-    plain = make_brighter(0.01 / 255)
-    plain.reduction = None
-    image[..., 12] = torch.tensor([0.9, 0.1]).repeat(12)  # alternating samples, which no reduction leaves
-    change = (ensemble(image) - plain(image)).abs()
-    assert change[..., 2:-2, 2:12].max() > 0.009 / 255
-    assert change[..., 2:-2, 20:28].max() < 0.3 / 255
+def test_weights_of_back_projection_are_those_of_a_plain_computation():
+    difference = torch.randn(2, 3, 8, 9, generator=torch.Generator().manual_seed(11)) * 3 / 255
+    wanted = torch.empty_like(difference)
+    for number, row, col in np.ndindex(2, 8, 9):
+        around = difference[number, :, max(0, row - 2) : row + 3, max(0, col - 2) : col + 3]
+        power = float((255 * around).square().mean())
+        wanted[number, :, row, col] = difference[number, :, row, col] / (1 + power**2)
+    torch.testing.assert_close(module._weigh(difference), wanted, atol=1e-7, rtol=1e-5)
+
+
+@torch.no_grad()
+def test_the_limit_holds_for_back_projection_too():
+    """A flat part stays as it is, whatever lies beside it."""
+    image = torch.full((1, 3, 12, 24), 0.5)
+    image[..., :8] = torch.rand(12, 8, generator=torch.Generator().manual_seed(12))
+    made = make_brighter(0.5 / 255, guard=True)(image)
+    torch.testing.assert_close(made[..., 22:44], torch.full_like(made[..., 22:44], 0.5), atol=1e-6, rtol=0)
+    assert (make_brighter(0.5 / 255)(image)[..., 22:44] - 0.5).abs().max() > 1e-4
 
 
 def test_back_projection_is_trained_through():
-    torch.manual_seed(10)
-    ensemble = Ensemble((8, 8), projected=True)
-    ensemble(torch.rand(1, 3, 9, 9)).square().mean().backward()
-    assert all(member.tail.kernel.grad.abs().max() > 0 for member in ensemble.members)
-    assert all(weight.grad is None for weight in ensemble.reduction.parameters())
+    network = Ensemble((8, 8), projected=True).double()
+    image = torch.rand(1, 3, 9, 9, generator=torch.Generator().manual_seed(13), dtype=torch.float64)
+    bias = network.members[1].tail.bias
+
+    def score():
+        return network(image).square().mean()
+
+    score().backward()
+    step = 1e-6
+    with torch.no_grad():
+        bias[5] += step
+        above = score()
+        bias[5] -= 2 * step
+        below = score()
+    assert float(bias.grad[5]) == pytest.approx(float(above - below) / (2 * step), rel=1e-5)
+    assert all(weight.grad is None for weight in network.reduction.parameters())
 
 
 def test_options_are_those_of_each_member():

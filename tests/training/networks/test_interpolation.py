@@ -32,3 +32,11 @@ def test_reduction_keeps_a_flat_picture():
     flat = torch.tensor([0.2, 0.5, 0.9])[None, :, None, None].expand(1, 3, 4, 5)
     made = BicubicReduction(2)(flat.repeat_interleave(4, dim=1))
     torch.testing.assert_close(made, flat, atol=1e-6, rtol=0)
+
+
+def test_at_the_border_the_outermost_pixels_are_repeated_with_their_phases():
+    phases = torch.rand(1, 12, 5, 6, generator=torch.Generator().manual_seed(2))
+    rows, cols = torch.tensor([0, 0, 0, 1, 2, 3, 4, 4, 4]), torch.tensor([0, 0, 0, 1, 2, 3, 4, 5, 5, 5])
+    wider = phases[:, :, rows][..., cols]
+    reduction = BicubicReduction(2)
+    torch.testing.assert_close(reduction(phases), reduction(wider)[..., 2:-2, 2:-2], atol=1e-6, rtol=0)

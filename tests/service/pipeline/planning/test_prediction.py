@@ -4,7 +4,7 @@ import pytest
 
 from ciir.errors import BackendUnavailable, UnsupportedScale
 from ciir.models import catalogue
-from ciir.models.light_field.views import list_required_views
+from ciir.models.light_field.windows import list_required_views
 from ciir.models.single import skipping
 from ciir.renderer import backends
 from ciir.renderer.framing import frame_scene

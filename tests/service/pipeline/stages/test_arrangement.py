@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ciir.models.light_field.views import list_required_views
+from ciir.models.light_field.windows import list_required_views
 from ciir.renderer.view_order.estimate import OrderEstimate
 from ciir.renderer.view_order.evidence import ORDERS
 from ciir.service.pipeline.stages.arrangement import Arrangement, arrange_views

@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter, shift
 
 from ciir.errors import TooLarge, UnsuitedModel, UnsupportedScale
 from ciir.models import catalogue
-from ciir.models.light_field.sampling import Sampling
+from ciir.models.light_field.sampling import Finding, Sampling
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.writers.pictures import encode_png
@@ -202,7 +202,7 @@ def test_the_fallback_share_is_noted(stand_in):
     ],
 )
 def test_the_report_says_what_follows_from_the_sampling(stand_in, monkeypatch, found, expected):
-    monkeypatch.setattr("ciir.models.light_field.views.find_sampling", lambda *_: found)
+    monkeypatch.setattr("ciir.models.light_field.views.find_sampling", lambda *_: Finding(found))
     eia = Bundle.from_upload("eia.png", EIA_PNG)
     for options, parts in (({}, expected), ({"sampling": "lenslet"}, []), ({"model": "fast"}, [])):
         _, report = run(eia, lenses=(6, 9), **options)
@@ -221,7 +221,9 @@ def test_the_network_that_is_shipped():
 
 def test_views_apart_help_where_content_hardly_moves(stand_in, monkeypatch):
     """A textured plane that moves by an eighth of a pixel: every second of 10x10 views makes up a window."""
-    monkeypatch.setattr("ciir.models.light_field.views.find_sampling", lambda *_: None)  # what the stand-in lacks
+    monkeypatch.setattr(
+        "ciir.models.light_field.views.find_sampling", lambda *_: Finding(None)
+    )  # what the stand-in lacks
     texture = gaussian_filter(np.random.default_rng(3).random((96, 96)), 1.5)
     texture = 40 + 170 * (texture - texture.min()) / np.ptp(texture)
     views = np.array([[shift(texture, (v / 8, u / 8), mode="reflect") for u in range(10)] for v in range(10)])

@@ -1,0 +1,179 @@
+"""Runs a light-field network over whole views, in tiles and batches, into one output."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ciir.models.light_field.batches import Part, make_batches
+from ciir.models.light_field.disparities.ranges import measure_ranges
+from ciir.models.light_field.disparities.shifts import (
+    crop_luma,
+    list_neighbours,
+    make_no_shifts,
+    measure_shifts,
+    select_shifted,
+    shift_part,
+)
+from ciir.models.light_field.pixels import convert_to_planes, round_levels, write_planes
+from ciir.models.light_field.skipping import (
+    TileDifferences,
+    count_skipped,
+    find_background,
+    make_pattern,
+    split_by_mask,
+)
+from ciir.models.light_field.windows import WINDOW_SIDE, list_required_views, list_window
+from ciir.models.parallel import is_parallel_faster, run_each
+from ciir.models.sessions import TILE_PIXELS
+from ciir.models.single.skipping import fill_with_pattern
+from ciir.models.tiles import split_picture
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from ciir.models.light_field.batches import Batch
+    from ciir.models.light_field.disparities.shifts import Pixels, Plane
+    from ciir.models.light_field.network import LightFieldNetwork
+    from ciir.models.light_field.planes import Range
+    from ciir.models.light_field.windows import View
+    from ciir.models.single.skipping import SkipStatistics
+    from ciir.models.tiles import Tile
+
+
+class Job(NamedTuple):
+    """The arguments of `views.upscale_views` that all its steps share."""
+
+    network: LightFieldNetwork
+    views: Mapping[View, Pixels]
+    grid: tuple[int, int]
+    skip: bool
+    statistics: SkipStatistics
+    disparities: Range | None
+
+
+class Output(NamedTuple):
+    """The arrays that runs of the network fill, by the numbers of views."""
+
+    pictures: Pixels
+    """`(n, scale*H, scale*W, C)`."""
+    uncertainty: NDArray[np.float32]
+    """`(n, H, W, 1)`."""
+    shifts: Sequence[NDArray[np.int64]]
+    """`(R, C)` each, from `measure_shifts`: which run fills which part."""
+    ranges: Sequence[Range]
+    """Of the disparities that shifts leave."""
+
+
+def run_network(job: Job, wanted: Sequence[View]) -> Output:
+    """Upscales the views `wanted`."""
+    scale, first = job.network.scale, job.views[wanted[0]]
+    height, width, channels = first.shape
+    output = Output(
+        np.empty((len(wanted), height * scale, width * scale, channels), first.dtype),
+        np.empty((len(wanted), height, width, 1), np.float32),
+        *_measure_disparities(job, wanted),
+    )
+    by_shift: dict[int, dict[int, View]] = {}
+    for number, view in enumerate(wanted):
+        for shift in set(output.shifts[number].ravel().tolist()):
+            by_shift.setdefault(shift, {})[number] = view
+    backgrounds = {number: _fill_background(job, view, output, number) for number, view in enumerate(wanted)}
+    for shift, group in by_shift.items():
+        _run_shift(job, group, backgrounds, shift, output)
+    return output
+
+
+def _measure_disparities(job: Job, wanted: Sequence[View]) -> tuple[list[NDArray[np.int64]], list[Range]]:
+    """The shifts of each view's tiles, and the range of the disparities that they leave."""
+    if job.disparities is not None:
+        height, width, _ = job.views[wanted[0]].shape
+        return [make_no_shifts(height, width) for _ in wanted], [job.disparities] * len(wanted)
+    beside = (other for view in wanted for (other,) in list_neighbours([view], job.grid).values())
+    lumas = {view: crop_luma(job.views[view]) for view in {*wanted, *beside}}
+    shifts = measure_shifts(lumas, wanted, job.grid)
+    return shifts, measure_ranges(lumas, wanted, job.grid, shifts)
+
+
+def _fill_background(job: Job, view: View, output: Output, number: int) -> Pixels | None:
+    """Fills the output of `view` with the result for its background colour, and returns the colour; None where there
+    is no background to skip.
+    """
+    network = job.network
+    background = find_background(network, job.views[view]) if job.skip else None
+    if background is not None:
+        large, uncertainty = make_pattern(network, background, view, job.grid, output.ranges[number])
+        picture = output.pictures[number]
+        levels = round_levels(large.transpose(2, 0, 1), picture).transpose(1, 2, 0)
+        fill_with_pattern(picture, levels, network.radius, network.scale)
+        fill_with_pattern(output.uncertainty[number], uncertainty, network.radius, 1)
+    return background
+
+
+def _run_shift(
+    job: Job,
+    group: Mapping[int, View],
+    backgrounds: Mapping[int, Pixels | None],
+    shift: int,
+    output: Output,
+) -> None:
+    """Upscales the parts of the views of `group` that have `shift` into `output`, except for their `backgrounds`, all
+    by their numbers. The views around are shifted by `shift`.
+    """
+    network, views, grid = job[:3]
+    height, width = views[next(iter(group.values()))].shape[:2]
+    for tile in split_picture(height, width, radius=network.radius, tile_pixels=TILE_PIXELS):
+        masks = {number: select_shifted(output.shifts[number], shift, tile.kept) for number in group}
+        here = {number: view for number, view in group.items() if masks[number].any()}
+        required = list_required_views(list(here.values()), grid)
+        lumas = {view: crop_luma(views[view], tile.region, shift) for view in required}
+        differences = TileDifferences(views, grid, tile, shift)
+        parts: list[Part] = []
+        for number, view in here.items():
+            colour = backgrounds[number]
+            boxes = [tile] if colour is None else differences.find_boxes(view, colour, network.radius)
+            some = [Part(number, *part) for part in split_by_mask(network, boxes, masks[number], tile)]
+            if colour is not None:
+                job.statistics.uniform += count_skipped([part.tile for part in some], masks[number])
+            parts += some
+        batches = list(make_batches(parts, group, grid, output.ranges))
+        is_parallel = is_parallel_faster(len(batches), network.threads)
+        runner = _TileRunner(job, group, tile, lumas, shift, output, cores=1 if is_parallel else network.threads)
+        run_each(runner.run_batch, batches, network.threads if is_parallel else 1)
+
+
+class _TileRunner(NamedTuple):
+    """Runs the network on parts of one tile. Thread-safe: where two parts of a view overlap, their results are equal to
+    the bit.
+    """
+
+    job: Job
+    group: Mapping[int, View]
+    tile: Tile
+    lumas: Mapping[View, Plane]
+    shift: int
+    output: Output
+    cores: int
+
+    def run_batch(self, batch: Batch) -> None:
+        """Upscales the parts of a batch, of views by their numbers."""
+        network, views, _ = self.job[:3]
+        rows, cols, disparities, parts = batch
+        image = np.stack([convert_to_planes(views[self.group[part.number]][part.tile.region]) for part in parts])
+        around = np.empty((len(parts), WINDOW_SIDE * WINDOW_SIDE, *image.shape[2:]), np.float32)
+        for part, window in zip(parts, around, strict=True):
+            self._fill_window(window, part.tile, self.group[part.number])
+        results = network(image, around, rows, cols, disparities, cores=self.cores)
+        for (number, tile, mask), large, uncertain in zip(parts, *results, strict=True):
+            kept = round_levels(large[:, *tile.kept_in_tile(network.scale)], self.output.pictures)
+            write_planes(self.output.pictures[number][tile.kept_in_picture(network.scale)], kept, mask)
+            write_planes(self.output.uncertainty[number][tile.kept], uncertain[:, *tile.kept_in_tile(1)], mask)
+
+    def _fill_window(self, luma: NDArray[np.float32], part: Tile, view: View) -> None:
+        """Sets `luma` `(25, h, w)` to that of a part of the window around `view`."""
+        region = part.region_in(self.tile.region)
+        for plane, (other, offset) in zip(luma, list_window(view, self.job.grid), strict=True):
+            plane[...] = shift_part(self.lumas[other], self.shift, offset)[region]
