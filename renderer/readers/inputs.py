@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from ciir.renderer.light_field import LightField
     from ciir.renderer.placement import Placement
     from ciir.renderer.readers.bundle import Bundle
+    from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.readers.registry import ContainerReader
     from ciir.renderer.scene import Scene
 
@@ -95,6 +96,8 @@ def open_input(
     if layout.lens_grid is None and found is not None and found[0] in (LYTRO, LYTRO_RAW):
         layout = replace(layout, lens_grid=Known())
     if layout.lens_grid is not None:
+        if found is not None and found[0].name in ARRAYS:
+            raise InvalidOption(f"lens_pitch: {name} is no picture; save a raw lenslet picture as PNG or TIFF")
         if found is None or not isinstance(found[0], PictureFormat):
             raise InvalidOption(f"lens_pitch: this is for one raw lenslet picture, and {name} is none; leave it out")
         from ciir.renderer.readers.lenslet import reader
@@ -117,19 +120,31 @@ def _read_file(bundle: Bundle, format_: Format, key: str, layout: Layout) -> Lig
         light_field = _read_container(bundle, key, format_, layout)
         is_array = format_.name in VIDEOS and light_field.depth_sense == "lenses"
         return settle_order(light_field, layout, corrects=not is_array)
-    if bundle.find_frames(key):
+    layout = eia.complete_layout(layout, bundle.files[key])
+    if format_ is ARRAY_PICTURE:
+        picture, notes = read_array_picture(bundle, key)
+        found = eia.read_pixels(picture, name=_name_main(bundle, key), layout=layout)
+        found = replace(found, notes=(*found.notes, *notes))
+    elif bundle.find_frames(key):
         raise InvalidOption(
             f"lens_pitch: {clean_text(bundle.name)} holds a picture with white or dark frames, as raw lenslet pictures "
             "have; give their pitch in pixels, or auto"
         )
-    if (quilt := _find_quilt(bundle, key, layout)) is not None:
+    elif (quilt := _find_quilt(bundle, key, layout)) is not None:
         return reorient(quilts.read(bundle, key, quilt), layout)
-    shown = _name_main(bundle, key)
-    layout = eia.complete_layout(layout, bundle.files[key])
-    other = format_ if isinstance(format_, PictureFormat) else None
-    found = eia.read(bundle.files[key], name=shown, layout=layout, limits=bundle.limits, other=other)
+    else:
+        found = eia.read(bundle.files[key], name=_name_main(bundle, key), layout=layout, limits=bundle.limits)
     light_field = _find_eslf(found, layout)
     return settle_order(light_field, layout, corrects=light_field.depth_sense == "cameras")  # no EIA
+
+
+def read_array_picture(bundle: Bundle, key: str) -> tuple[Pixels, tuple[str, ...]]:
+    """The pixels `(H, W, C)` of a picture that is stored as an array, and notes. Raises `InputError`."""
+    from ciir.renderer.readers.containers import array_pictures
+
+    name = _name_main(bundle, key)
+    with _reported(name, ARRAY_PICTURE):
+        return array_pictures.read(bundle.files[key], name, bundle.limits)
 
 
 def _note_left_out(light_field: LightField, bundle: Bundle, key: str) -> LightField:
@@ -279,7 +294,8 @@ def _refine(format_: Format, key: str, bundle: Bundle, layout: Layout) -> Format
 
         name = _name_main(bundle, key)
         with _reported(name, format_):
-            return ARRAY_PICTURE if array_pictures.is_picture(bundle.files[key], name) else format_
+            is_one = array_pictures.is_picture(bundle.files[key], name, bundle.limits)
+        return ARRAY_PICTURE if is_one else format_
     if format_.name == "PNG":
         layout = eia.complete_layout(layout, bundle.files[key])
     if format_.name == "PNG" and layout.lenses is None and layout.arrangement == "auto" and not any(layout.crop):

@@ -7,7 +7,6 @@ they are stored (`metadata.colour_profiles` has notes on that).
 from __future__ import annotations
 
 import logging
-from importlib import import_module
 from typing import TYPE_CHECKING, TypeAlias, cast
 
 import numpy as np
@@ -55,15 +54,8 @@ def decode(
     `MAX_SIDE` or where memory runs out, `Unreadable` where the picture is damaged or cut off.
     """
 
-    def check_size(height: int, width: int) -> None:
-        if height < 1 or width < 1:
-            raise Unreadable(f"{name}: {height}x{width} pixels (rows x columns); send a picture with pixels in it")
-        if height * width > max_pixels or max(height, width) > MAX_SIDE:
-            raise TooLarge(
-                f"{name}: {height}x{width} pixels (rows x columns) are over the limit of {max_pixels:,} in all "
-                f"and {MAX_SIDE:,} along a side; crop it or scale it down",
-                "pixels" if height * width > max_pixels else "",
-            )
+    def check_whole(height: int, width: int) -> None:
+        check_size(height, width, name=name, max_pixels=max_pixels)
         if check is not None:
             check(height, width)
 
@@ -75,7 +67,7 @@ def decode(
         raise UnsupportedType(f"{name}: not a picture that is read ({listed}, by its first bytes); convert it to PNG")
     decoder: PictureDecoder = found.load_reader()
     try:
-        pixels, orientation = decoder(data, name, check_size)
+        pixels, orientation = decoder(data, name, check_whole)
         pixels = _turn_upright(pixels if pixels.ndim == 3 else pixels[..., np.newaxis], orientation)
         return cast("Pixels", np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("=")))
     except InputError:
@@ -88,12 +80,26 @@ def decode(
         ) from error
 
 
-def is_rounded(data: bytes, other: PictureFormat | None = None) -> bool:
-    """Whether the picture in `data`, which was decoded, is of floating-point numbers. `other`: as of `decode`."""
-    found = find_format(data) or other
-    if found is None or found.name not in ("TIFF", "array"):
+def check_size(height: int, width: int, *, name: str, max_pixels: int = DEFAULT_LIMITS.pixels) -> None:
+    """Raises `Unreadable` for a picture without pixels, `TooLarge` over `max_pixels` (height x width) or `MAX_SIDE`."""
+    if height < 1 or width < 1:
+        raise Unreadable(f"{name}: {height}x{width} pixels (rows x columns); send a picture with pixels in it")
+    if height * width > max_pixels or max(height, width) > MAX_SIDE:
+        raise TooLarge(
+            f"{name}: {height}x{width} pixels (rows x columns) are over the limit of {max_pixels:,} in all "
+            f"and {MAX_SIDE:,} along a side; crop it or scale it down",
+            "pixels" if height * width > max_pixels else "",
+        )
+
+
+def is_rounded(data: bytes) -> bool:
+    """Whether the picture in `data`, which was decoded, is of floating-point numbers."""
+    found = find_format(data)
+    if found is None or found.name != "TIFF":
         return False
-    return bool(import_module(f"ciir.renderer.{found.folder}.{found.reader.partition(':')[0]}").is_rounded(data))
+    from ciir.renderer.readers import tiff
+
+    return tiff.is_rounded(data)
 
 
 def _turn_upright(pixels: Pixels, orientation: int) -> Pixels:

@@ -190,10 +190,8 @@ ESLF = ContainerFormat(name="ESLF", suffixes=(".png",), reader="eslf:read")
 """Containers that are pictures, too; what they hold or are called says so, and `readers.inputs` looks there."""
 ARRAYS = ("NPY", "NPZ", "MAT", "HDF5")
 """The names of the containers of arrays."""
-ARRAY_PICTURE = PictureFormat(
-    name="array", suffixes=(".npy", ".npz", ".mat", ".h5", ".hdf5"), reader="containers.array_pictures:decode"
-)
-"""One of them that is a picture, where the array's axes say so."""
+ARRAY_PICTURE = PictureFormat(name="array", suffixes=(".npy", ".npz", ".mat", ".h5", ".hdf5"))
+"""One of them with a picture in it; `containers.array_pictures` reads it."""
 
 SUFFIXES: dict[str, Format] = {suffix: entry for entry in FORMATS for suffix in entry.suffixes}
 """The format of each suffix."""

@@ -1,91 +1,110 @@
-"""One picture as an array, `(H, W)` or `(H, W, C)`, in NPY, NPZ, MAT or HDF5: an elemental image array, or a mosaic.
-
-It is the file's only array of that kind, or the only one of a picture's size, where nothing may hold a light field.
-"""
+"""Elemental image arrays and mosaics as one array, `(H, W)` or `(H, W, C)`, in NPY, NPZ, MAT and HDF5."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ciir.renderer.limits import DEFAULT_LIMITS
+from ciir.errors import UnsupportedType
+from ciir.renderer.levels import ROUNDED, round_samples
+from ciir.renderer.readers import pictures
 from ciir.renderer.readers.containers import arrays
-from ciir.renderer.readers.containers.samples import check_array, convert_samples
+from ciir.renderer.readers.containers.samples import (
+    NEEDED_TYPES,
+    PICTURE_SIDE,
+    has_axes_of_picture,
+    holds_light_field,
+    is_type_read,
+)
+from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
+    from ciir.renderer.limits import Limits
     from ciir.renderer.readers.containers.samples import Header
     from ciir.renderer.readers.pictures import Pixels
 
-LEAST_SIDE = 16
-"""Pixels: smaller arrays beside a picture are taken as others, such as the matrix of a camera."""
-CHANNELS = 4
-"""At most."""
+ROWS = 256
+"""Rows of floating-point samples that are rounded at once, so that temporary arrays are small."""
 
 
-def is_picture(data: bytes, name: str) -> bool:
-    """Whether a file of arrays holds a picture, and nothing that may be a light field. `name` is for messages."""
-    return _find_picture(data, name) is not None
+def is_picture(data: bytes, name: str, limits: Limits) -> bool:
+    """Whether a file of arrays holds a picture, and no light field. `name` is for messages."""
+    return find_picture(_list_headers(data, name, limits)) is not None
 
 
-def is_rounded(data: bytes) -> bool:
-    """Whether samples are floating-point numbers, which are rounded to 16 bit."""
-    found = _find_picture(data, "")
-    return found is not None and found[1].is_float
+def read(data: bytes, name: str, limits: Limits) -> tuple[Pixels, tuple[str, ...]]:
+    """The pixels `(H, W, C)` of the picture that `is_picture` finds, with a note where they were rounded to 16 bit.
 
-
-def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
-    """Its pixels, `(H, W, C)`; and an orientation, 1: upright. `is_picture` must have found it."""
-    found = _find_picture(data, name)
-    if found is None:
+    Raises `TooLarge` over `limits`, `UnsupportedType` for samples that are neither uint8, uint16 nor floating-point,
+    and `Unreadable` for floating-point ones that are not from 0 to 1.
+    """
+    headers = _list_headers(data, name, limits)
+    key = find_picture(headers)
+    if key is None:
         raise ValueError(name)
-    key, (size, _) = found
-    height, width, channels = (*size, 1)[:3]
-    check_size(height, width)
-    array = _read_array(data, key, name)
-    shape = (1, 1, height, width, channels)
-    check_array(name, shape, array.dtype, DEFAULT_LIMITS)
-    views, _ = convert_samples(array.reshape(shape), name)
-    return views[0, 0], 1
+    what = f"{name}: {clean_text(key) or 'the array'}"
+    height, width = headers[key].shape[:2]
+    pictures.check_size(height, width, name=name, max_pixels=limits.pixels)
+    array = _read_array(data, key, what, limits)
+    if not is_type_read(array.dtype):
+        raise UnsupportedType(f"{what} is of {str(array.dtype)[:40]}; give {NEEDED_TYPES}")
+    array = array.reshape(height, width, math.prod(array.shape[2:]))
+    if array.dtype.kind == "u":
+        return np.ascontiguousarray(array, array.dtype.newbyteorder("=")), ()
+    rounded = np.empty(array.shape, np.uint16)
+    for top in range(0, height, ROWS):
+        rounded[top : top + ROWS] = round_samples(array[top : top + ROWS], what, array)
+    return rounded, (ROUNDED,)
 
 
-def _find_picture(data: bytes, name: str) -> tuple[str, Header] | None:
-    """The name of the picture's array in its file, and its header; None where there is none, or several may be."""
-    headers = _list_headers(data, name)
-    if any(header is None or (len(header.shape) > 2 and not _has_axes(header)) for header in headers.values()):
+def find_picture(headers: Mapping[str, Header]) -> str | None:
+    """The key of the only array that is a picture by its axes and size, of those that can be read if there are any.
+    None where there is another number of them, a light field, other views, or a struct or group of as many bytes, which
+    may hold one.
+    """
+    if holds_light_field({key: header.shape for key, header in headers.items()}):
         return None
-    found = [(key, header) for key, header in headers.items() if header is not None and _has_axes(header)]
-    if len(found) > 1:
-        found = [(key, header) for key, header in found if min(header.shape[:2]) >= LEAST_SIDE]
-    return found[0] if len(found) == 1 else None
+    found = {key: header for key, header in headers.items() if has_axes_of_picture(header.shape)}
+    found = {key: header for key, header in found.items() if header.is_read} or found
+    if len(found) != 1:
+        return None
+    ((key, picture),) = found.items()
+    is_open = any(_may_hold_views(header, picture.bytes) for header in headers.values() if header is not picture)
+    return None if is_open else key
 
 
-def _has_axes(header: Header) -> bool:
-    return len(header.shape) == 2 or (len(header.shape) == 3 and header.shape[2] <= CHANNELS)
+def _may_hold_views(header: Header, size: int) -> bool:
+    """Whether it is an array of views of a picture's size, or may hold some that come to at least `size` bytes."""
+    if not header.shape:
+        return header.bytes >= size
+    return not has_axes_of_picture(header.shape) and sum(side >= PICTURE_SIDE for side in header.shape) > 1
 
 
-def _list_headers(data: bytes, name: str) -> Mapping[str, Header | None]:
-    """Of all arrays of numbers; None for what may hold others."""
+def _list_headers(data: bytes, name: str, limits: Limits) -> Mapping[str, Header]:
+    """Of everything in the file that is or may hold numbers, by name; of the array in an NPY by an empty one."""
     if data.startswith(np.lib.format.MAGIC_PREFIX):
         return {"": arrays.Array(data, name).header}
     if data.startswith(b"PK"):
-        return arrays.list_headers(data, name)
+        return arrays.list_headers(data, name, limits)
     from ciir.renderer.readers.containers import hdf5, mat  # they import h5py
 
-    return mat.list_headers(data) if data.startswith(mat.VERSION_5) else hdf5.list_headers(data)
+    return mat.list_headers(data, name) if data.startswith(mat.VERSION_5) else hdf5.list_headers(data)
 
 
-def _read_array(data: bytes, key: str, name: str) -> NDArray[Any]:
-    """The array `key`, `(H, W)` or `(H, W, C)`."""
+def _read_array(data: bytes, key: str, what: str, limits: Limits) -> NDArray[Any]:
+    """The array `key`, `(H, W)` or `(H, W, C)`; `what` names it in messages."""
     if data.startswith(np.lib.format.MAGIC_PREFIX):
-        return arrays.Array(data, name).read()
+        return arrays.Array(data, what).read()
     if data.startswith(b"PK"):
-        return arrays.read_array(data, key, name)
+        return arrays.read_array(data, key, what, limits)
     from ciir.renderer.readers.containers import hdf5, mat
 
-    read = mat.read_array if data.startswith(mat.VERSION_5) else hdf5.read_array
-    return read(data, key, name)
+    if data.startswith(mat.VERSION_5):
+        return mat.read_array(data, key, what, limits)
+    return hdf5.read_array(data, key, what, limits)

@@ -25,12 +25,12 @@ import numpy as np
 
 from ciir.errors import InvalidOption, Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
-from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers.containers.samples import (
     Header,
     check_array,
     convert_samples,
     find_light_field,
+    is_type_read,
     settle_axes,
     settle_depth_sense,
 )
@@ -86,7 +86,7 @@ class Array:
     @property
     def header(self) -> Header:
         """What stands before the samples."""
-        return Header(self.shape, self.dtype.kind == "f")
+        return Header(self.shape, math.prod(self.shape) * self.dtype.itemsize, is_type_read(self.dtype))
 
     def read_text(self) -> str | None:
         """The text of an array without axes; None where it is another array."""
@@ -146,18 +146,18 @@ def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> Light
     return _read_array(arrays[key], None, f"{name}: {clean_text(key)}", layout, limits)
 
 
-def list_headers(data: bytes, name: str) -> dict[str, Header]:
-    """Of the arrays of an npz, without their samples."""
-    with _open_npz(data, name, DEFAULT_LIMITS) as (archive, members):
+def list_headers(data: bytes, name: str, limits: Limits) -> dict[str, Header]:
+    """The headers of all arrays of an npz but texts. Packed ones are not unpacked further."""
+    with _open_npz(data, name, limits) as (archive, members):
         starts = {key: archive.open(member).read(_MOST_HEADER) for key, member in members.items()}
     found = {key: Array(start, f"{name}: {clean_text(key)}") for key, start in starts.items()}
-    return {key: array.header for key, array in found.items() if array.dtype.kind in "iuf"}
+    return {key: array.header for key, array in found.items() if array.dtype.kind not in "US"}
 
 
-def read_array(data: bytes, key: str, name: str) -> NDArray[Any]:
-    """One array of an npz."""
-    with _open_npz(data, name, DEFAULT_LIMITS) as (archive, members):
-        return Array(_read_member(archive, members[key], data, name), f"{name}: {clean_text(key)}").read()
+def read_array(data: bytes, key: str, name: str, limits: Limits) -> NDArray[Any]:
+    """The array `key` of an npz; `name` is for messages."""
+    with _open_npz(data, name, limits) as (archive, members):
+        return Array(_read_member(archive, members[key], data, name), name).read()
 
 
 @contextmanager

@@ -12,14 +12,15 @@ and shuffle.
 from __future__ import annotations
 
 import io
+import math
+import sys
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import h5py
 
-from ciir.errors import InvalidOption, UnsupportedType
+from ciir.errors import InvalidOption, TooLarge, UnsupportedType
 from ciir.renderer.light_field import LightField
-from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers.containers.hdf5_data_set import DataSet, find_shape
 from ciir.renderer.readers.containers.samples import (
     Header,
@@ -27,6 +28,7 @@ from ciir.renderer.readers.containers.samples import (
     convert_samples,
     find_light_field,
     holds_light_field,
+    is_type_read,
     settle_axes,
 )
 from ciir.renderer.readers.names import clean_text
@@ -90,36 +92,61 @@ def _find_shapes_in_groups(file: h5py.File, keys: Sequence[str]) -> dict[str, tu
     return {key: find_shape(file, key) for key in islice(inner, _MOST_NAMES)}
 
 
-def list_headers(data: bytes) -> dict[str, Header | None]:
-    """As `array_pictures` needs them."""
+def list_headers(data: bytes) -> dict[str, Header]:
+    """The headers of the numbers and groups of a file; MATLAB's axes are put in order."""
     with h5py.File(io.BytesIO(data), "r") as file:
-        plain = [key for key in islice(file, _MOST_NAMES) if isinstance(file.get(key, getlink=True), h5py.HardLink)]
-        return {key: _find_header(file[key]) for key in plain if _holds_numbers(file[key])}
+        listed = {key: _find_header(file, key, is_matlab=_is_matlab(data)) for key in islice(file, _MOST_NAMES)}
+    return {key: header for key, header in listed.items() if header is not None}
 
 
-def read_array(data: bytes, key: str, name: str) -> NDArray[Any]:
-    """The data set `key`, with MATLAB's axes put in order."""
+def read_array(data: bytes, key: str, name: str, limits: Limits) -> NDArray[Any]:
+    """The data set `key`, with MATLAB's axes put in order; `name` is for messages."""
     with h5py.File(io.BytesIO(data), "r") as file:
         stored = DataSet.open(file, key, data, name)
-        header = _find_header(stored.handle)
-        assert header is not None  # noqa: S101 - `array_pictures` has found it
-        check_array(name, (1, 1, *header.shape, 1)[:5], stored.dtype, DEFAULT_LIMITS)
+        kind = _find_class(stored.handle)
+        refuse_logical(kind, name)
+        if math.prod(stored.shape) * stored.dtype.itemsize > limits.set_bytes:
+            raise TooLarge(f"{name}: comes to more than {limits.set_bytes:,} bytes; give a smaller one", "set_bytes")
         samples = stored.read()
-        return samples.T if _CLASS in stored.handle.attrs else samples
+        return samples.T if kind or _is_matlab(data) else samples
 
 
-def _holds_numbers(found: Any) -> bool:
-    """Whether `_find_header` is to look at it: not at text, and at true and false of MATLAB."""
-    is_data = isinstance(found, h5py.Dataset)
-    return not is_data or (found.dtype.kind in "iufO" and found.attrs.get(_CLASS) not in (b"char", b"logical"))
+def _find_header(file: h5py.File, key: str, *, is_matlab: bool) -> Header | None:
+    """None for links, but to other files, and for what `_describe_data_set` leaves out."""
+    link = file.get(key, getlink=True)
+    if isinstance(link, h5py.ExternalLink) or key in MOSAICS:
+        return Header((), sys.maxsize)
+    if not isinstance(link, h5py.HardLink):
+        return None
+    found = file[key]
+    if isinstance(found, h5py.Group):
+        inner = _find_shapes_in_groups(file, [key])
+        inner |= _find_shapes_in_groups(file, list(inner))
+        return Header((), sum(8 * math.prod(shape) for shape in inner.values() if shape))
+    return _describe_data_set(found, is_matlab) if isinstance(found, h5py.Dataset) else None
 
 
-def _find_header(found: Any) -> Header | None:
-    """None for what may hold a light field: a group, references to others, and a mosaic of BasicLFSR."""
-    if not isinstance(found, h5py.Dataset) or found.dtype.kind == "O" or found.name.lstrip("/") in MOSAICS:
+def _describe_data_set(found: h5py.Dataset, is_matlab: bool) -> Header | None:
+    """None for text, tables, and references such as those of cells, which lie in a group."""
+    try:
+        dtype = found.dtype
+    except TypeError:  # of data that NumPy has no type for, such as HDF5's times
+        return None
+    kind = _find_class(found)
+    if dtype.kind not in "iufbc" or kind in ("char", "cell"):
         return None
     shape = tuple(found.shape or ())
-    return Header(shape[::-1] if _CLASS in found.attrs else shape, found.dtype.kind == "f")
+    return Header(shape[::-1] if kind or is_matlab else shape, found.nbytes, is_type_read(dtype) and kind != LOGICAL)
+
+
+def _is_matlab(data: bytes) -> bool:
+    return data.startswith(b"MATLAB")
+
+
+def _find_class(found: h5py.Dataset) -> str:
+    """MATLAB's name of its class; empty for data of other programs."""
+    kind = found.attrs.get(_CLASS, b"")
+    return kind.decode("latin-1") if isinstance(kind, bytes) else ""
 
 
 def refuse_logical(kind: str, name: str) -> None:
@@ -134,8 +161,7 @@ def leave_out_weight(views: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]
 
 
 def _read_matlab(stored: DataSet, layout: Layout, limits: Limits) -> LightField:
-    kind = stored.handle.attrs.get(_CLASS, b"")
-    refuse_logical(kind.decode("latin-1") if isinstance(kind, bytes) else "", _name(stored))
+    refuse_logical(_find_class(stored.handle), _name(stored))
     shape, arranged = settle_axes(stored.shape[::-1], layout, stored.name)
     check_array(stored.name, shape, stored.dtype, limits)
     samples, weighted = leave_out_weight(stored.read().T.reshape(shape))

@@ -18,7 +18,6 @@ import numpy as np
 
 from ciir.errors import TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
-from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers.containers import hdf5
 from ciir.renderer.readers.containers.samples import (
     Header,
@@ -53,7 +52,7 @@ _CLASSES = (
 """Of the numbers from 1 (table 1-3)."""
 _TYPES = {"uint8": "u1", "uint16": "u2", "single": "f4", "double": "f8"}
 _HOLDERS = ("cell", "struct", "object")
-_NUMBERS = _CLASSES[5:]
+_SAME_NAME = "holds two variables of one name; save each once"
 _STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 """Types of numbers in a file (table 1-1), which may be smaller than those of their class."""
 _COMPLEX, _LOGICAL = 0x800, 0x200
@@ -96,7 +95,7 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     listed = [found for matrix in matrices for found in _read_variable(matrix, order)]
     variables = dict(listed)
     if len(variables) < len(listed):
-        raise Unreadable(f"{name}: holds two variables of one name; save each once")
+        raise Unreadable(f"{name}: {_SAME_NAME}")
     shapes = {key: variable.shape for key, variable in variables.items()}
     for levels in range(1, hdf5.LEVELS + 1):
         if not holds_light_field(shapes):
@@ -113,27 +112,32 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     return LightField(views, arranged + weighted + notes, depth_sense="cameras")
 
 
-def list_headers(data: bytes) -> dict[str, Header | None]:
-    """As `array_pictures` needs them, of a file of version 5, whose samples are not unpacked."""
+def list_headers(data: bytes, name: str) -> dict[str, Header]:
+    """The headers of the numbers, cells and structs of a file of version 5, which is not unpacked further.
+
+    Raises `Unreadable` where two variables have one name.
+    """
     order = _find_order(data)
-    found: dict[str, Header | None] = {}
-    for matrix in _unpack_starts(data, order):
+    found: dict[str, Header] = {}
+    for size, matrix in _unpack_starts(data, order):
         for key, variable in _read_variable(matrix, order):
+            if key in found:
+                raise Unreadable(f"{name}: {_SAME_NAME}")
             if variable.kind in _HOLDERS:
-                found[key] = None
-            elif variable.kind in _NUMBERS:
-                found[key] = Header(variable.shape, variable.kind in ("single", "double"))
+                found[key] = Header((), size)
+            elif variable.kind not in ("char", "sparse"):
+                found[key] = Header(variable.shape, size, variable.kind in _TYPES)
     return found
 
 
-def read_array(data: bytes, key: str, name: str) -> NDArray[Any]:
-    """The variable `key` of a file of version 5."""
-    order, what = _find_order(data), f"{name}: {clean_text(key)}"
-    for matrix in _unpack(data, order, name, DEFAULT_LIMITS):
+def read_array(data: bytes, key: str, name: str, limits: Limits) -> NDArray[Any]:
+    """The variable `key` of a file of version 5; `name` is for messages."""
+    order = _find_order(data)
+    for matrix in _unpack(data, order, name, limits):
         for other, variable in _read_variable(matrix, order):
             if other == key:
-                check_array(name, (1, 1, *variable.shape, 1)[:5], variable.find_type(what), DEFAULT_LIMITS)
-                return variable.read(order, what)
+                variable.find_type(name)
+                return variable.read(order, name)
     raise KeyError(key)
 
 
@@ -141,14 +145,15 @@ def _find_order(data: bytes) -> str:
     return "<" if data[_HEADER_BYTES - 2 : _HEADER_BYTES] == b"IM" else ">"
 
 
-def _unpack_starts(data: bytes, order: str) -> Iterator[memoryview]:
-    """The start of the body of each variable's element."""
+def _unpack_starts(data: bytes, order: str) -> Iterator[tuple[int, memoryview]]:
+    """The size of the body of each variable's element, and its start."""
     for kind, element in _split(memoryview(data)[_HEADER_BYTES:], order):
         if kind == _COMPRESSED:
-            start = zlib.decompressobj().decompress(element[:_START_BYTES], _START_BYTES)
-            yield from (inner for kind, inner in _split(memoryview(start), order) if kind == _MATRIX)
+            start = memoryview(zlib.decompressobj().decompress(element[:_START_BYTES], _START_BYTES))
+            (size,) = struct.unpack_from(f"{order}I", start, 4)
+            yield from ((size, inner) for kind, inner in _split(start, order) if kind == _MATRIX)
         elif kind == _MATRIX:
-            yield element
+            yield len(element), element[:_START_BYTES]
 
 
 def _unpack(data: bytes, order: str, name: str, limits: Limits) -> Iterator[memoryview]:

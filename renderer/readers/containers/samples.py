@@ -24,12 +24,20 @@ if TYPE_CHECKING:
 
 
 class Header(NamedTuple):
-    """What a file says of an array before its samples."""
+    """An array in a file, or what may hold arrays, as it is described before the samples."""
 
     shape: tuple[int, ...]
-    is_float: bool
+    """Empty of what may hold arrays."""
+    bytes: int
+    """Of the samples, unpacked."""
+    is_read: bool = True
+    """Whether samples are of a type that is read."""
 
 
+PICTURE_SIDE = 16
+"""Pixels along the sides of a picture, at least: smaller arrays are others, such as the matrix of a camera."""
+NEEDED_TYPES = "uint8, uint16, or floating-point numbers from 0 to 1"
+"""Types of samples that are read, for messages."""
 TAKEN_AS_CAMERAS = (
     "depth: the file doesn't say what u and v count; they are taken as cameras from the left and from the top; where "
     "near and far are exchanged, as of pixels under a lens array, give depth_sense lenses"
@@ -115,11 +123,23 @@ def find_light_field(shapes: Mapping[str, Sequence[int]], name: str, remedy: str
         listed = ", ".join(map(clean_text, found[:5]))
         raise Unreadable(f"{name}: {len(found)} arrays have five axes ({listed}); name the light field LF")
     listed = ", ".join(f"{clean_text(key)} {_show_shape(shapes[key])}".strip() for key in list(shapes)[:5])
+    if any(has_axes_of_picture(shape) or has_axes_of_picture(shape[::-1]) for shape in shapes.values()):
+        remedy += ", or an elemental image array alone, (H, W) or (H, W, C), in no struct or group"
     raise Unreadable(f"{name}: holds {listed or 'nothing'}; give {remedy}")
 
 
 def _show_shape(shape: Sequence[int]) -> str:
     return "x".join(map(str, shape))[:60]
+
+
+def has_axes_of_picture(shape: Sequence[int]) -> bool:
+    """Whether an array has the axes `(H, W)` or `(H, W, C)` and the size of a picture."""
+    return (len(shape) == 2 or (len(shape) == 3 and 1 <= shape[2] <= 4)) and min(shape[:2]) >= PICTURE_SIDE
+
+
+def is_type_read(dtype: DTypeLike) -> bool:
+    """Whether samples of that type are read."""
+    return np.dtype(dtype).newbyteorder("=") in (np.uint8, np.uint16, np.float16, np.float32, np.float64)
 
 
 def check_array(name: str, shape: Sequence[int], dtype: DTypeLike, limits: Limits) -> None:
@@ -130,8 +150,8 @@ def check_array(name: str, shape: Sequence[int], dtype: DTypeLike, limits: Limit
     """
     dtype = np.dtype(dtype)
     what = f"{name}: an array {_show_shape(shape)} of {str(dtype)[:40]}"
-    if dtype.newbyteorder("=") not in (np.uint8, np.uint16, np.float16, np.float32, np.float64):
-        raise UnsupportedType(f"{what}; give uint8, uint16, or floating-point numbers from 0 to 1")
+    if not is_type_read(dtype):
+        raise UnsupportedType(f"{what}; give {NEEDED_TYPES}")
     if len(shape) != 5 or min(shape) < 1 or shape[4] > 4:
         raise Unreadable(
             f"{what}; give (V, U, H, W, C): rows and columns of views, and of pixels, 1 to 4 channels"

@@ -30,25 +30,24 @@ if TYPE_CHECKING:
     from ciir.renderer.limits import Limits
     from ciir.renderer.readers.layout import Layout
     from ciir.renderer.readers.pictures import Pixels
-    from ciir.renderer.readers.registry import PictureFormat
 
     Pair = tuple[int, int]
 
 
-def read(data: bytes, *, name: str, layout: Layout, limits: Limits, other: PictureFormat | None = None) -> LightField:
-    """As `read_pixels`, of the picture in `data`; `other` and raises as `pictures.decode`, too.
+def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
+    """As `read_pixels`, of the picture in `data`; raises as `pictures.decode`, too.
 
     Of a PNG that we wrote, whose text says how its views lie in it, `layout` may leave that open.
 
     The rounding of an elemental image array that is a JPEG is undone in part (`jpeg_rounding`), with a note, where
     `layout.restores_jpeg`. Another note names a colour profile that is not sRGB.
     """
-    picture = pictures.decode(data, name=name, max_pixels=limits.pixels, other=other)
+    picture = pictures.decode(data, name=name, max_pixels=limits.pixels)
     layout = complete_layout(layout, data)
     entry = find_format(data)
     is_jpeg = entry is not None and entry.name == "JPEG"
     found = read_pixels(picture, name=name, layout=layout, jpeg=data if is_jpeg else b"")
-    notes = (*note_profile(data, name), *((ROUNDED,) * pictures.is_rounded(data, other)))
+    notes = (*note_profile(data, name), *((ROUNDED,) * pictures.is_rounded(data)))
     return replace(found, notes=(*found.notes, *notes))
 
 

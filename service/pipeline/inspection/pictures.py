@@ -11,6 +11,7 @@ from ciir.renderer.readers import pictures
 from ciir.renderer.readers.eia.advice import SAME_PITCH, USUAL_PIXELS
 from ciir.renderer.readers.eia.period import Periods
 from ciir.renderer.readers.eia.reader import complete_layout
+from ciir.renderer.readers.inputs import read_array_picture
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.lenslet.calibration import detect_grid
 from ciir.renderer.readers.lenslet.grid import Known
@@ -39,14 +40,18 @@ def describe_picture(given: Input, format_: PictureFormat, key: str, options: Op
     bundle = given.bundle
     assert bundle is not None  # noqa: S101 - the key is of its files
     data = bundle.files[key]
-    picture = pictures.decode(data, name=given.name, max_pixels=given.limits.pixels, other=format_)
+    notes: tuple[str, ...] = ()
+    if format_ is ARRAY_PICTURE:
+        picture, notes = read_array_picture(bundle, key)
+    else:
+        picture = pictures.decode(data, name=given.name, max_pixels=given.limits.pixels)
     own = complete_layout(Layout(), data)
     candidates = [_describe_own(own)] if own.pixels else _find_candidates(bundle, format_, key, picture, options)
     return {
         "kind": candidates[0]["kind"] if candidates else "picture",
         "input": given.describe(LightField(picture[None, None])),
         "candidates": candidates,
-        "notes": [],
+        "notes": [*notes],
     }
 
 

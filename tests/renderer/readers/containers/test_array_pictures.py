@@ -1,6 +1,7 @@
 """Elemental image arrays and mosaics as arrays: read as the same picture in PNG is."""
 
 import io
+import zlib
 from functools import partial
 
 import h5py
@@ -9,12 +10,13 @@ import pytest
 import scipy.io
 
 import ciir
-from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable
+from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.levels import ROUNDED
 from ciir.renderer.limits import Limits
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.layout import Layout
+from ciir.renderer.readers.lenslet.grid import Known
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service.pipeline.inspection.report import inspect
 from ciir.service.pipeline.options import Options
@@ -48,7 +50,8 @@ def save_hdf5(is_matlab=False, **variables):
             array = np.asarray(value)
             hdf5[name] = array.T if is_matlab else array
             if is_matlab:
-                hdf5[name].attrs["MATLAB_class"] = np.bytes_("double" if array.dtype.kind == "f" else array.dtype.name)
+                kind = {"float64": "double", "bool": "logical"}.get(array.dtype.name, array.dtype.name)
+                hdf5[name].attrs["MATLAB_class"] = np.bytes_(kind)
     return file.getvalue()
 
 
@@ -134,6 +137,7 @@ def test_what_an_array_may_be_is_listed_as_of_a_picture(kind):
     want = inspect(Bundle.from_upload("a.png", encode_png(array)), Options())
     assert got["candidates"] == want["candidates"]
     assert got["kind"] == want["kind"] == "eia"
+    assert inspect(Bundle.from_upload(name, save(eia=array / 255)), Options())["notes"] == [ROUNDED]
 
 
 @pytest.mark.parametrize("kind", FILES)
@@ -171,28 +175,124 @@ def test_limits_and_other_numbers_in_other_files(array, kind):
 
 
 @pytest.mark.parametrize("kind", FILES)
+@pytest.mark.parametrize("limits", [{"bytes": 15_000}, {"bytes": 10**9, "ratio": 10**6}])
+def test_limits_of_the_caller_hold(array, kind, limits):
+    """They are those of light fields: unpacked sizes of npz and MAT files, whatever the defaults are."""
+    name, save = FILES[kind]
+    flat = np.zeros((3000, 3000), np.uint8)
+    flat[:60, :112] = array[..., 0]
+    data = save(eia=flat)
+    if "packed" in kind and limits["bytes"] < flat.size:
+        with pytest.raises(TooLarge, match=rf"^{name}: .*unpacks to over|^{name}: .* at most 15,000"):
+            read(data, name, lenses=(30, 30), limits=Limits(**limits))
+    elif limits["bytes"] > flat.size:
+        assert read(data, name, lenses=(30, 30), limits=Limits(**limits)).views.shape == (100, 100, 30, 30, 1)
+
+
+@pytest.mark.parametrize("kind", FILES)
 def test_a_light_field_comes_first(array, kind):
     name, save = FILES[kind]
     views = np.zeros((2, 3, 40, 50, 3), np.uint8)
     assert read(save(eia=array, LF=views), name).views.shape == views.shape
     assert read(save(eia=array, field=views), name).views.shape == views.shape
+    with pytest.raises(InputError, match=rf"^{name}: .*(int32|logical|bool)"):
+        read(save(eia=array, LF=views.astype(np.int32)), name, pixels=PIXELS)
 
 
 @pytest.mark.parametrize("kind", FILES)
 @pytest.mark.parametrize("other", [np.zeros((60, 112), np.uint8), np.zeros((9, 40, 50), np.uint8)])
 def test_which_of_several_is_meant_is_not_guessed(array, kind, other):
     name, save = FILES[kind]
-    with pytest.raises(Unreadable, match=rf"^{name}: holds .*eia 60x112x3|^{name}: holds .*eia 3x112x60"):
+    with pytest.raises(Unreadable, match=rf"^{name}: holds .*eia (60x112x3|3x112x60).*; give .* array alone, \(H, W\)"):
         read(save(eia=array, other=other), name, lenses=LENSES)
 
 
-def test_what_may_hold_a_light_field_is_looked_into_first(array):
+@pytest.mark.parametrize("kind", FILES)
+def test_of_one_that_is_not_read_the_type_is_named(array, kind):
+    name, save = FILES[kind]
+    mask = array[..., 0] > 99
+    assert read(save(eia=array, labels=array.astype(np.int16), mask=mask), name, lenses=LENSES).views.shape[0] == 5
+    for made in (mask, array.astype(np.int16), array[..., 0].astype(complex)):
+        with pytest.raises(UnsupportedType, match=rf"^{name}: eia is of (class )?(logical|bool|.*int16|complex)"):
+            read(save(eia=made), name, lenses=LENSES)
+
+
+def test_structs_and_groups_count_by_their_size(array):
     views = np.zeros((2, 3, 40, 50, 3), np.uint8)
+    settings = {"pitch": 0.5, "camera": np.eye(4)}
     assert read(save_mat5(eia=array, scene={"LF": views}), "a.mat").views.shape == views.shape
+    assert read(save_mat5(True, eia=array, scene={"LF": views}), "a.mat").views.shape == views.shape
     assert read(save_hdf5(**{"eia": array, "scene/LF": views}), "a.h5").views.shape == views.shape
+    assert read(save_mat5(eia=array, scene=settings), "a.mat", lenses=LENSES).depth_sense == "lenses"
+    grouped = save_hdf5(**{"eia": array, "scene/pitch": 0.5, "scene/camera": np.eye(4)})
+    assert read(grouped, "a.h5", lenses=LENSES).depth_sense == "lenses"
     cells = np.array([array, array], object)
-    with pytest.raises(Unreadable, match="holds eia"):
+    with pytest.raises(Unreadable, match=r"holds eia .* or an elemental image array alone"):
         read(save_mat5(eia=array, views=cells), "a.mat", lenses=LENSES)
+
+
+def test_what_else_hdf5_holds(array):
+    file = io.BytesIO()
+    with h5py.File(file, "w") as hdf5:
+        hdf5["eia"] = array
+        hdf5["title"], hdf5["names"] = "abc", ["a", "b"]
+        hdf5["table"] = np.zeros(20, [("x", "f4"), ("y", "f4")])
+        hdf5["same"], hdf5["again"] = h5py.SoftLink("/eia"), h5py.SoftLink("/nothing")
+        hdf5["link"] = np.array([hdf5["eia"].ref], h5py.ref_dtype)
+        h5py.h5d.create(hdf5.id, b"when", h5py.h5t.UNIX_D32LE, h5py.h5s.create_simple((2,)))
+        hdf5["labels"] = np.zeros(3)
+        hdf5["labels"].attrs["MATLAB_class"] = ["a", "b"]
+    assert read(file.getvalue(), "a.h5", lenses=LENSES).depth_sense == "lenses"
+    with h5py.File(file, "a") as hdf5:
+        hdf5["LF"] = h5py.ExternalLink("other.h5", "/LF")
+    with pytest.raises(Unreadable, match=r"a.h5: holds "):
+        read(file.getvalue(), "a.h5", lenses=LENSES)
+
+
+def test_matlab_73_without_classes_counts_axes_from_the_other_end(array):
+    data = save_hdf5(eia=np.ascontiguousarray(array[..., 0].T))
+    matlab = b"MATLAB 7.3 MAT-file".ljust(512) + data
+    found = read(matlab, "a.mat", lenses=LENSES)
+    np.testing.assert_array_equal(found.views, read(saved(array[..., 0]), lenses=LENSES).views)
+
+
+def test_two_variables_of_one_name(array):
+    data = save_mat5(eia=array)
+    with pytest.raises(Unreadable, match=r"two variables of one name"):
+        read(data + data[128:], "a.mat", lenses=LENSES)
+
+
+def test_only_the_picture_is_unpacked(array, monkeypatch):
+    """Of a light field it is looked for only in the first bytes of each variable."""
+    views = np.random.default_rng(0).integers(0, 256, (5, 5, 60, 80, 3), np.uint8)
+    unpacked = []
+
+    class Counting:
+        def __init__(self):
+            self.stream = decompressobj()
+
+        def decompress(self, *args):
+            made = self.stream.decompress(*args)
+            unpacked.append(len(made))
+            return made
+
+    decompressobj = zlib.decompressobj
+    monkeypatch.setattr("ciir.renderer.readers.containers.mat.zlib.decompressobj", Counting)
+    read(save_mat5(True, LF=views), "a.mat")
+    assert views.size < sum(unpacked) < views.size + 3 * 2**12
+
+
+@pytest.mark.parametrize("kind", FILES)
+@pytest.mark.parametrize("small", [np.eye(3), np.zeros((5000, 3)), np.zeros((15, 200))])
+def test_small_arrays_are_no_pictures(kind, small):
+    name, save = FILES[kind]
+    with pytest.raises(InputError, match=rf"^{name}: .*; give "):
+        read(save(camera=small), name, pixels=(3, 3))
+
+
+def test_a_raw_lenslet_picture_is_no_array(array):
+    with pytest.raises(InvalidOption, match=r"lens_pitch: a.npz is no picture; save a raw lenslet picture as PNG"):
+        read(save_npz(eia=array), "a.npz", lens_grid=Known())
 
 
 def test_mosaics_of_basiclfsr_stay_light_fields():
