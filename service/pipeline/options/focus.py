@@ -11,7 +11,15 @@ from ciir.renderer.focus.apertures import Shape
 from ciir.service.pipeline.options import values
 from ciir.service.pipeline.options.option import Option
 from ciir.service.pipeline.options.reading import Switch
-from ciir.service.pipeline.options.values import ValueType, make_form, make_name, make_number, make_switch, write_number
+from ciir.service.pipeline.options.values import (
+    ValueType,
+    check_number,
+    make_form,
+    make_name,
+    make_number,
+    make_switch,
+    write_number,
+)
 
 Method = Literal["mapping", "window", "delta"]
 """As `renderer.focus.planes.Method`, whose import takes longer than the command line may."""
@@ -30,7 +38,7 @@ def _make_colons(pattern: str, needed: str, example: str) -> ValueType:
     """Numbers with colons between them."""
 
     def convert(value: Any) -> Any:
-        text = made.write(tuple(float(number) for number in value))
+        text = made.write(tuple(float(check_number(number)) for number in value))
         if re.fullmatch(pattern, text) is None:
             raise ValueError
         return made.read("", text)

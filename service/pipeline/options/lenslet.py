@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 from ciir.errors import InvalidOption
 from ciir.renderer.readers.lenslet.grid import LEAST_PITCH, MOST_PITCH, Known, KnownShape
 from ciir.service.pipeline.options.option import Option
-from ciir.service.pipeline.options.values import make_form, make_name, make_number, write_number
+from ciir.service.pipeline.options.values import check_number, make_form, make_name, make_number, write_number
 
 Pitch = float | Literal["auto"]
 GridShape = Literal["auto", KnownShape]
@@ -26,7 +26,7 @@ def _check_pitch(name: str, pitch: float) -> float:
 
 
 def _convert_point(value: Any) -> tuple[float, float]:
-    y, x = (round(float(number), 6) for number in value)
+    y, x = (round(float(check_number(number)), 6) for number in value)
     if not (0 <= y < 1e6 and 0 <= x < 1e6):
         raise ValueError
     return y, x
@@ -36,7 +36,7 @@ _PITCH = make_form(
     f"auto|{_NUMBER}",
     form="pixels, such as 14.37, or auto",
     parse=_parse_pitch,
-    convert=lambda value: _check_pitch("lens_pitch", float(value)),
+    convert=lambda value: _check_pitch("lens_pitch", float(check_number(value))),
     needed="pixels such as 14.37, or 'auto'",
     write=lambda pitch: pitch if isinstance(pitch, str) else write_number(pitch),
 )

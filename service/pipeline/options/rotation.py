@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ciir.errors import InvalidOption
-from ciir.service.pipeline.options.values import ANGLE, MOST_FRAMES, make_angles, make_form, write_number
+from ciir.service.pipeline.options.values import ANGLE, MOST_FRAMES, check_number, make_angles, make_form, write_number
 
 Rotation = tuple[float | tuple[float, float, int], float, float]
 """Yaw, pitch and roll in degrees; several yaws as the first, the last and their count."""
@@ -45,7 +45,7 @@ def _convert(value: Any) -> Rotation:
     if not hasattr(yaw, "__iter__"):
         angles: Rotation = _ANGLES.convert(value)
         return angles
-    start, stop, count = yaw
+    start, stop, count = map(check_number, yaw)
     if not 1 <= index(count) <= MOST_FRAMES:
         raise ValueError
     start, pitch, roll = _ANGLES.convert((start, pitch, roll))

@@ -123,7 +123,7 @@ def _refuse(value: Any) -> Any:
 
 
 def _convert_whole_numbers(value: Any, count: int, most: int) -> tuple[int, ...]:
-    numbers = tuple(index(_check_number(number)) for number in value)
+    numbers = tuple(index(check_number(number)) for number in value)
     if len(numbers) != count or not all(0 <= number <= most for number in numbers):
         raise ValueError
     return numbers
@@ -159,7 +159,7 @@ def _space_evenly(start: float, stop: float, count: int) -> tuple[float, ...]:
 
 
 def _convert_times(value: Any) -> tuple[float, ...]:
-    times = tuple(round(float(_check_number(time)), 9) for time in (value if hasattr(value, "__iter__") else [value]))
+    times = tuple(round(float(check_number(time)), 9) for time in (value if hasattr(value, "__iter__") else [value]))
     if not 0 < len(times) <= MOST_FRAMES or not all(0 <= time < 1e6 for time in times):
         raise ValueError
     return times
@@ -242,7 +242,7 @@ TEXT = ValueType({"type": "string"}, _read_text, _refuse, "text")
 LABEL = ValueType(
     {"type": "string", "maxLength": _LONGEST_LABEL},
     _read_label,
-    lambda value: str(index(_check_number(value))),
+    lambda value: str(index(check_number(value))),
     "a name or a whole number, such as 0",
 )
 COLOUR = ValueType(
@@ -271,7 +271,7 @@ def make_angles(names: str, limits: Sequence[float] = ()) -> ValueType:
         return found
 
     def convert(value: Any) -> tuple[float, ...]:
-        angles = tuple(round(float(_check_number(angle)), 6) for angle in value)
+        angles = tuple(round(float(check_number(angle)), 6) for angle in value)
         is_within = all(abs(angle) <= limit for angle, limit in zip(angles, limits, strict=False))
         if len(angles) != count or not all(abs(angle) < 1000 for angle in angles) or not is_within:
             raise ValueError
@@ -308,7 +308,7 @@ def make_integer(least: int, most: int) -> ValueType:
     return ValueType(
         {"type": "integer", "minimum": least, "maximum": most},
         _read_integer,
-        lambda value: index(_check_number(value)),
+        lambda value: index(check_number(value)),
         "a whole number such as 2",
     )
 
@@ -316,10 +316,10 @@ def make_integer(least: int, most: int) -> ValueType:
 def make_number(least: float, most: float, needed: str = "a number such as 0.5") -> ValueType:
     """A number in a range."""
     schema = {"type": "number", "minimum": least, "maximum": most}
-    return ValueType(schema, _read_number, lambda value: float(_check_number(value)), needed)
+    return ValueType(schema, _read_number, lambda value: float(check_number(value)), needed)
 
 
-def _check_number(value: Any) -> Any:
+def check_number(value: Any) -> Any:
     """Raises `TypeError` for True and False, which Python takes as 1 and 0."""
     if isinstance(value, bool | np.bool_):
         raise TypeError

@@ -262,6 +262,11 @@ def test_true_and_false_are_no_numbers(name, value):
         ("time", lambda value: (0, value)),
         ("animation", lambda value: value),
         ("quilt", lambda value: (value, 6)),
+        ("stack", lambda value: (-1, 0, value)),
+        ("limits", lambda value: (value, 2)),
+        ("lens_pitch", lambda value: value),
+        ("lens_offset", lambda value: (value, 1)),
+        ("rotate", lambda value: ((0, 90, value), 0, 0)),
     ],
 )
 @pytest.mark.parametrize("value", [True, np.True_])

@@ -61,7 +61,7 @@ def _bundle(text: str) -> Bundle:
         raise InvalidOption(f"{text}: a scene is a mesh, not a picture; upscale its views with `ciir reconstruct`")
     if is_container(text):
         raise InvalidOption(
-            f"{text}: holds a light field, not a picture; `ciir convert` makes pictures of its views, and "
+            f"{text}: is no picture file; of a light field `ciir convert` makes pictures of its views, and "
             "`ciir reconstruct` upscales them"
         )
     try:
