@@ -179,7 +179,8 @@ def holds_views(bundle: Bundle, layout: Layout) -> bool:
     format_, key = found
     if isinstance(format_, ContainerFormat):
         return format_.name not in VIDEOS or not layout.selects_frame
-    return isinstance(format_, PictureFormat) and _find_quilt(bundle, key, layout) is not None
+    is_file = isinstance(format_, PictureFormat) and format_ is not ARRAY_PICTURE
+    return is_file and _find_quilt(bundle, key, layout) is not None
 
 
 def find_content(bundle: Bundle, layout: Layout) -> tuple[Format, str] | None:

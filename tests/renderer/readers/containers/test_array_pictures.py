@@ -295,6 +295,12 @@ def test_a_raw_lenslet_picture_is_no_array(array):
         read(save_npz(eia=array), "a.npz", lens_grid=Known())
 
 
+def test_only_a_picture_file_is_a_quilt_by_its_name(array):
+    bundle = Bundle.from_upload("a_qs4x3a1.npz", save_npz(eia=array))
+    assert not inputs.holds_views(bundle, Layout())
+    assert inputs.read(bundle, Layout(lenses=LENSES)).depth_sense == "lenses"
+
+
 def test_mosaics_of_basiclfsr_stay_light_fields():
     found = read(save_hdf5(Hr_SAI_y=np.full((100, 100), 128, np.uint8)), "a.h5", pixels=(5, 5))
     assert found.views.shape == (5, 5, 20, 20, 1)
