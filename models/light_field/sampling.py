@@ -58,12 +58,12 @@ class Sampling(NamedTuple):
 
 
 class Finding(NamedTuple):
-    """What `find_sampling` finds."""
+    """How a view was sampled, and whether that is certain."""
 
     sampling: Sampling | None
     """None where a view looks like neither kind, or is flat."""
     is_sure: bool = True
-    """Whether the view itself says clearly enough what it looks like."""
+    """False where its pixels could be either (`UNSURE`)."""
 
 
 def find_sampling(large: Pixels, small: Pixels) -> Finding:

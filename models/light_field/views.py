@@ -123,18 +123,18 @@ def _upscale_distinct(
 
 
 def _find_samplings(job: Job, wanted: Sequence[View], pictures: Pixels) -> list[Sampling | None]:
-    """How each view was sampled. Where its own picture leaves that open, that of the middle view of its window decides:
-    the network makes it better than one at the border of the grid.
+    """How each view was sampled. Where its own picture doesn't tell, that of the middle view of its window does: the
+    network makes it better than one at the border of the grid.
     """
     found = [find_sampling(picture, job.views[view]) for picture, view in zip(pictures, wanted, strict=True)]
-    asked = {number: find_middle(view, job.grid) for number, view in enumerate(wanted) if not found[number].is_sure}
-    middles = sorted({middle for number, middle in asked.items() if middle != wanted[number]})
-    if middles:
-        output = run_network(job._replace(statistics=SkipStatistics()), middles)
-        by_view = dict(zip(middles, output.pictures, strict=True))
-        for number, middle in asked.items():
-            if middle in by_view:
-                found[number] = find_sampling(by_view[middle], job.views[middle])
+    middles = {number: find_middle(view, job.grid) for number, view in enumerate(wanted) if not found[number].is_sure}
+    made = dict(zip(wanted, pictures, strict=True))
+    missing = sorted(set(middles.values()) - made.keys())
+    if missing:
+        output = run_network(job._replace(statistics=SkipStatistics()), missing)
+        made |= dict(zip(missing, output.pictures, strict=True))
+    for number, middle in middles.items():
+        found[number] = find_sampling(made[middle], job.views[middle])
     return [each.sampling for each in found]
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ciir.errors import UnsupportedType
+from ciir.errors import TooLarge, UnsupportedType
 from ciir.renderer.levels import ROUNDED, round_samples
 from ciir.renderer.readers import pictures
 from ciir.renderer.readers.containers import arrays
@@ -35,7 +35,7 @@ ROWS = 256
 
 def is_picture(data: bytes, name: str, limits: Limits) -> bool:
     """Whether a file of arrays holds a picture, and no light field. `name` is for messages."""
-    return find_picture(_list_headers(data, name, limits)) is not None
+    return _find(data, name, limits) is not None
 
 
 def read(data: bytes, name: str, limits: Limits) -> tuple[Pixels, tuple[str, ...]]:
@@ -44,13 +44,16 @@ def read(data: bytes, name: str, limits: Limits) -> tuple[Pixels, tuple[str, ...
     Raises `TooLarge` over `limits`, `UnsupportedType` for samples that are neither uint8, uint16 nor floating-point,
     and `Unreadable` for floating-point ones that are not from 0 to 1.
     """
-    headers = _list_headers(data, name, limits)
-    key = find_picture(headers)
-    if key is None:
+    found = _find(data, name, limits)
+    if found is None:
         raise ValueError(name)
+    key, header = found
     what = f"{name}: {clean_text(key) or 'the array'}"
-    height, width = headers[key].shape[:2]
+    height, width = header.shape[:2]
     pictures.check_size(height, width, name=name, max_pixels=limits.pixels)
+    if header.bytes > limits.set_bytes:
+        size = f"comes to {header.bytes:,} bytes; at most {limits.set_bytes:,} are read"
+        raise TooLarge(f"{what} {size}; give a smaller one, or uint8", "set_bytes")
     array = _read_array(data, key, what, limits)
     if not is_type_read(array.dtype):
         raise UnsupportedType(f"{what} is of {str(array.dtype)[:40]}; give {NEEDED_TYPES}")
@@ -63,31 +66,36 @@ def read(data: bytes, name: str, limits: Limits) -> tuple[Pixels, tuple[str, ...
     return rounded, (ROUNDED,)
 
 
+def _find(data: bytes, name: str, limits: Limits) -> tuple[str, Header] | None:
+    """The name of the picture in its file, and its header; None where a light field is there, in a struct or group too,
+    or other views.
+    """
+    headers = _list_headers(data, name, limits)
+    arrays_ = {key: header for key, header in headers.items() if header is not None}
+    key = find_picture(arrays_)
+    if key is None or (len(arrays_) < len(headers) and holds_light_field(_list_inner_shapes(data, name, limits))):
+        return None
+    return key, arrays_[key]
+
+
 def find_picture(headers: Mapping[str, Header]) -> str | None:
     """The key of the only array that is a picture by its axes and size, of those that can be read if there are any.
-    None where there is another number of them, a light field, other views, or a struct or group of as many bytes, which
-    may hold one.
+    None where there is another number of them, a light field, or an array of views of a picture's size.
     """
-    if holds_light_field({key: header.shape for key, header in headers.items()}):
+    shapes = {key: header.shape for key, header in headers.items()}
+    found = [key for key, shape in shapes.items() if has_axes_of_picture(shape)]
+    if holds_light_field(shapes) or any(_holds_views(shape) for shape in shapes.values()):
         return None
-    found = {key: header for key, header in headers.items() if has_axes_of_picture(header.shape)}
-    found = {key: header for key, header in found.items() if header.is_read} or found
-    if len(found) != 1:
-        return None
-    ((key, picture),) = found.items()
-    is_open = any(_may_hold_views(header, picture.bytes) for header in headers.values() if header is not picture)
-    return None if is_open else key
+    found = [key for key in found if headers[key].is_read] or found
+    return found[0] if len(found) == 1 else None
 
 
-def _may_hold_views(header: Header, size: int) -> bool:
-    """Whether it is an array of views of a picture's size, or may hold some that come to at least `size` bytes."""
-    if not header.shape:
-        return header.bytes >= size
-    return not has_axes_of_picture(header.shape) and sum(side >= PICTURE_SIDE for side in header.shape) > 1
+def _holds_views(shape: tuple[int, ...]) -> bool:
+    return not has_axes_of_picture(shape) and len(shape) > 2 and sum(side >= PICTURE_SIDE for side in shape) > 1
 
 
-def _list_headers(data: bytes, name: str, limits: Limits) -> Mapping[str, Header]:
-    """Of everything in the file that is or may hold numbers, by name; of the array in an NPY by an empty one."""
+def _list_headers(data: bytes, name: str, limits: Limits) -> Mapping[str, Header | None]:
+    """Of the arrays of numbers in a file, by name, that in an NPY by an empty one; None of structs and groups."""
     if data.startswith(np.lib.format.MAGIC_PREFIX):
         return {"": arrays.Array(data, name).header}
     if data.startswith(b"PK"):
@@ -95,6 +103,15 @@ def _list_headers(data: bytes, name: str, limits: Limits) -> Mapping[str, Header
     from ciir.renderer.readers.containers import hdf5, mat  # they import h5py
 
     return mat.list_headers(data, name) if data.startswith(mat.VERSION_5) else hdf5.list_headers(data)
+
+
+def _list_inner_shapes(data: bytes, name: str, limits: Limits) -> Mapping[str, tuple[int, ...]]:
+    """The shapes of what structs or groups hold, as deep as light fields are looked for."""
+    from ciir.renderer.readers.containers import hdf5, mat
+
+    if data.startswith(mat.VERSION_5):
+        return mat.list_inner_shapes(data, name, limits)
+    return hdf5.list_inner_shapes(data)
 
 
 def _read_array(data: bytes, key: str, what: str, limits: Limits) -> NDArray[Any]:
@@ -107,4 +124,4 @@ def _read_array(data: bytes, key: str, what: str, limits: Limits) -> NDArray[Any
 
     if data.startswith(mat.VERSION_5):
         return mat.read_array(data, key, what, limits)
-    return hdf5.read_array(data, key, what, limits)
+    return hdf5.read_array(data, key, what)

@@ -12,14 +12,12 @@ and shuffle.
 from __future__ import annotations
 
 import io
-import math
-import sys
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import h5py
 
-from ciir.errors import InvalidOption, TooLarge, UnsupportedType
+from ciir.errors import InvalidOption, UnsupportedType
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.containers.hdf5_data_set import DataSet, find_shape
 from ciir.renderer.readers.containers.samples import (
@@ -57,6 +55,8 @@ LOGICAL = "logical"
 """MATLAB's class of true and false, stored as 1 and 0 of 8 bits."""
 _CLASS = "MATLAB_class"
 _MOST_NAMES = 1000
+_LINKED = (0, 0, 0, 0, 0)
+"""Shape of a light field whose own isn't known."""
 
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
@@ -92,45 +92,53 @@ def _find_shapes_in_groups(file: h5py.File, keys: Sequence[str]) -> dict[str, tu
     return {key: find_shape(file, key) for key in islice(inner, _MOST_NAMES)}
 
 
-def list_headers(data: bytes) -> dict[str, Header]:
-    """The headers of the numbers and groups of a file; MATLAB's axes are put in order."""
+def list_headers(data: bytes) -> dict[str, Header | None]:
+    """The headers of the arrays of numbers in a file, None of groups; MATLAB's axes are put in order. Of a file with a
+    light field only the shapes.
+    """
     with h5py.File(io.BytesIO(data), "r") as file:
-        listed = {key: _find_header(file, key, is_matlab=_is_matlab(data)) for key in islice(file, _MOST_NAMES)}
-    return {key: header for key, header in listed.items() if header is not None}
+        names = list(islice(file, _MOST_NAMES))
+        shapes = {key: _LINKED if _is_light_field(file, key) else find_shape(file, key) for key in names}
+        if holds_light_field(shapes):
+            return {key: Header(shape, 0) for key, shape in shapes.items()}
+        plain = [key for key in names if isinstance(file.get(key, getlink=True), h5py.HardLink)]
+        groups = {key for key in plain if isinstance(file[key], h5py.Group)}
+        sets = {key: _describe_data_set(file[key], _is_matlab(data)) for key in plain if shapes[key]}
+        return {key: sets.get(key) for key in plain if key in groups or sets.get(key) is not None}
 
 
-def read_array(data: bytes, key: str, name: str, limits: Limits) -> NDArray[Any]:
+def list_inner_shapes(data: bytes) -> dict[str, tuple[int, ...]]:
+    """The shapes of what lies in the groups of a file, and in the groups of those."""
+    with h5py.File(io.BytesIO(data), "r") as file:
+        shapes: dict[str, tuple[int, ...]] = {}
+        found: Sequence[str] = list(islice(file, _MOST_NAMES))
+        for _ in range(LEVELS):
+            inner = _find_shapes_in_groups(file, found)
+            shapes, found = shapes | inner, list(inner)
+        return shapes
+
+
+def read_array(data: bytes, key: str, name: str) -> NDArray[Any]:
     """The data set `key`, with MATLAB's axes put in order; `name` is for messages."""
     with h5py.File(io.BytesIO(data), "r") as file:
         stored = DataSet.open(file, key, data, name)
         kind = _find_class(stored.handle)
         refuse_logical(kind, name)
-        if math.prod(stored.shape) * stored.dtype.itemsize > limits.set_bytes:
-            raise TooLarge(f"{name}: comes to more than {limits.set_bytes:,} bytes; give a smaller one", "set_bytes")
         samples = stored.read()
         return samples.T if kind or _is_matlab(data) else samples
 
 
-def _find_header(file: h5py.File, key: str, *, is_matlab: bool) -> Header | None:
-    """None for links, but to other files, and for what `_describe_data_set` leaves out."""
+def _is_light_field(file: h5py.File, key: str) -> bool:
+    """Whether it is a mosaic of BasicLFSR, or `LF` in another file, which must not be replaced by what else is here."""
     link = file.get(key, getlink=True)
-    if isinstance(link, h5py.ExternalLink) or key in MOSAICS:
-        return Header((), sys.maxsize)
-    if not isinstance(link, h5py.HardLink):
-        return None
-    found = file[key]
-    if isinstance(found, h5py.Group):
-        inner = _find_shapes_in_groups(file, [key])
-        inner |= _find_shapes_in_groups(file, list(inner))
-        return Header((), sum(8 * math.prod(shape) for shape in inner.values() if shape))
-    return _describe_data_set(found, is_matlab) if isinstance(found, h5py.Dataset) else None
+    return key in MOSAICS or (key == "LF" and isinstance(link, h5py.ExternalLink))
 
 
 def _describe_data_set(found: h5py.Dataset, is_matlab: bool) -> Header | None:
-    """None for text, tables, and references such as those of cells, which lie in a group."""
+    """None for text, tables, and references such as those of cells."""
     try:
         dtype = found.dtype
-    except TypeError:  # of data that NumPy has no type for, such as HDF5's times
+    except (TypeError, ValueError):  # of data that NumPy has no type for, such as HDF5's times
         return None
     kind = _find_class(found)
     if dtype.kind not in "iufbc" or kind in ("char", "cell"):
@@ -152,7 +160,8 @@ def _find_class(found: h5py.Dataset) -> str:
 def refuse_logical(kind: str, name: str) -> None:
     """Raises `UnsupportedType` for MATLAB's class `logical`, whose 1 is white and would be read as nearly black."""
     if kind == LOGICAL:
-        raise UnsupportedType(f"{name} is of class {kind}; give uint8, as in 255 * uint8(LF)")
+        variable = name.rpartition(": ")[2]
+        raise UnsupportedType(f"{name} is of class {kind}; give uint8, as in 255 * uint8({variable})")
 
 
 def leave_out_weight(views: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]]:

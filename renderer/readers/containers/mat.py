@@ -51,7 +51,6 @@ _CLASSES = (
 )
 """Of the numbers from 1 (table 1-3)."""
 _TYPES = {"uint8": "u1", "uint16": "u2", "single": "f4", "double": "f8"}
-_HOLDERS = ("cell", "struct", "object")
 _SAME_NAME = "holds two variables of one name; save each once"
 _STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 """Types of numbers in a file (table 1-1), which may be smaller than those of their class."""
@@ -112,22 +111,31 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     return LightField(views, arranged + weighted + notes, depth_sense="cameras")
 
 
-def list_headers(data: bytes, name: str) -> dict[str, Header]:
-    """The headers of the numbers, cells and structs of a file of version 5, which is not unpacked further.
+def list_headers(data: bytes, name: str) -> dict[str, Header | None]:
+    """The headers of the arrays of numbers in a file of version 5, None of structs; it is not unpacked further.
 
     Raises `Unreadable` where two variables have one name.
     """
     order = _find_order(data)
-    found: dict[str, Header] = {}
-    for size, matrix in _unpack_starts(data, order):
-        for key, variable in _read_variable(matrix, order):
+    found: dict[str, Header | None] = {}
+    for element in _split(memoryview(data)[_HEADER_BYTES:], order):
+        for key, variable in _read_start(element, order):
             if key in found:
                 raise Unreadable(f"{name}: {_SAME_NAME}")
-            if variable.kind in _HOLDERS:
-                found[key] = Header((), size)
-            elif variable.kind not in ("char", "sparse"):
-                found[key] = Header(variable.shape, size, variable.kind in _TYPES)
+            if variable.kind == "struct":
+                found[key] = None
+            elif variable.kind not in ("cell", "object", "char", "sparse"):
+                size = np.dtype(_TYPES.get(variable.kind, "u1")).itemsize
+                found[key] = Header(variable.shape, math.prod(variable.shape) * size, variable.kind in _TYPES)
     return found
+
+
+def list_inner_shapes(data: bytes, name: str, limits: Limits) -> dict[str, tuple[int, ...]]:
+    """The shapes of the fields of structs, and of those of structs in them; nothing else is unpacked."""
+    order = _find_order(data)
+    matrices = _unpack(data, order, name, limits, only="struct")
+    fields = (field for matrix in matrices for field in _read_fields(matrix, order, hdf5.LEVELS))
+    return {key: variable.shape for key, variable in fields}
 
 
 def read_array(data: bytes, key: str, name: str, limits: Limits) -> NDArray[Any]:
@@ -145,21 +153,24 @@ def _find_order(data: bytes) -> str:
     return "<" if data[_HEADER_BYTES - 2 : _HEADER_BYTES] == b"IM" else ">"
 
 
-def _unpack_starts(data: bytes, order: str) -> Iterator[tuple[int, memoryview]]:
-    """The size of the body of each variable's element, and its start."""
-    for kind, element in _split(memoryview(data)[_HEADER_BYTES:], order):
-        if kind == _COMPRESSED:
-            start = memoryview(zlib.decompressobj().decompress(element[:_START_BYTES], _START_BYTES))
-            (size,) = struct.unpack_from(f"{order}I", start, 4)
-            yield from ((size, inner) for kind, inner in _split(start, order) if kind == _MATRIX)
-        elif kind == _MATRIX:
-            yield len(element), element[:_START_BYTES]
+def _read_start(element: tuple[int, memoryview], order: str) -> Iterator[tuple[str, Variable]]:
+    """As `_read_variable`, of an element of the file, of which only the start is unpacked: samples are not there."""
+    kind, body = element
+    if kind == _COMPRESSED:
+        start = zlib.decompressobj().decompress(body[:_START_BYTES], _START_BYTES)
+        kind, body = next(_split(memoryview(start), order), (0, body))
+    if kind == _MATRIX:
+        yield from _read_variable(body[:_START_BYTES], order)
 
 
-def _unpack(data: bytes, order: str, name: str, limits: Limits) -> Iterator[memoryview]:
-    """The body of each variable's element. Raises `TooLarge` before what is packed takes its memory."""
+def _unpack(data: bytes, order: str, name: str, limits: Limits, *, only: str = "") -> Iterator[memoryview]:
+    """The body of each variable's element, of those of class `only` if that is given. Raises `TooLarge` before what is
+    packed takes its memory.
+    """
     allowed = left = min(limits.bytes, max(2**20, len(data) * limits.ratio))
     for kind, element in _split(memoryview(data)[_HEADER_BYTES:], order):
+        if only and not any(variable.kind == only for _, variable in _read_start((kind, element), order)):
+            continue
         if kind == _COMPRESSED:
             stream, unpacked = zlib.decompressobj(), bytearray()
             for place in range(0, len(element), _PIECE_BYTES):

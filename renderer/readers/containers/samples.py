@@ -24,10 +24,9 @@ if TYPE_CHECKING:
 
 
 class Header(NamedTuple):
-    """An array in a file, or what may hold arrays, as it is described before the samples."""
+    """The description of an array that stands before its samples."""
 
     shape: tuple[int, ...]
-    """Empty of what may hold arrays."""
     bytes: int
     """Of the samples, unpacked."""
     is_read: bool = True
@@ -124,7 +123,7 @@ def find_light_field(shapes: Mapping[str, Sequence[int]], name: str, remedy: str
         raise Unreadable(f"{name}: {len(found)} arrays have five axes ({listed}); name the light field LF")
     listed = ", ".join(f"{clean_text(key)} {_show_shape(shapes[key])}".strip() for key in list(shapes)[:5])
     if any(has_axes_of_picture(shape) or has_axes_of_picture(shape[::-1]) for shape in shapes.values()):
-        remedy += ", or an elemental image array alone, (H, W) or (H, W, C), in no struct or group"
+        remedy += ", or an elemental image array, (H, W) or (H, W, C), beside no other pictures, in no struct or group"
     raise Unreadable(f"{name}: holds {listed or 'nothing'}; give {remedy}")
 
 

@@ -9,6 +9,7 @@ from ciir.models.light_field.finishing import MOST, SURROUNDED
 from ciir.models.light_field.sampling import WHOLE_ROWS
 from ciir.models.light_field.sampling import find_sampling as find
 from ciir.models.light_field.views import upscale_views
+from ciir.models.single.skipping import SkipStatistics
 
 
 def find_sampling(large, small):
@@ -197,7 +198,47 @@ def test_where_a_view_leaves_it_open_the_middle_of_its_window_decides(grid):
     np.testing.assert_array_equal(made[0], want)
 
 
-def test_views_that_are_sure_ask_no_other():
+@pytest.mark.parametrize("grid", [(3, 3), (4, 5), (6, 5), (7, 7)])
+def test_a_view_does_not_depend_on_which_others_are_wanted(grid):
+    """Views are means, filtered, or between them, at random."""
+    random = np.random.default_rng(5)
+    every = list(np.ndindex(grid))
+    pictures = {number: np.roll(make_fine(40, 30), number, axis=0) for number in range(len(every))}
+    views, statistics = {}, SkipStatistics()
+    for number, view in enumerate(every):
+        means, filtered = average_down(pictures[number]).astype(float), filter_down(pictures[number])
+        share = random.choice([0, 0.3, 0.5, 0.7, 1])
+        views[view] = np.rint(share * means + (1 - share) * filtered).astype(np.uint8)
+        views[view][0, 0] = number
+    network = MakingTwo(pictures)
+    made, finished = upscale_views(network, Black(), views, every, grid, finds_sampling=True, statistics=statistics)
+    assert sorted(network.made) == list(range(len(every)))  # no view is upscaled twice
+    assert statistics.pixels == len(every) * 40 * 30
+    for number, view in enumerate(every):
+        alone = SkipStatistics()
+        one, how = upscale_views(network, Black(), views, [view], grid, finds_sampling=True, statistics=alone)
+        np.testing.assert_array_equal(one[0], made[number])
+        assert how == [finished[number]]
+        assert (alone.pixels, alone.uniform, alone.repeated) == (40 * 30, 0, 0)
+    assert len(set(finished)) > 1
+
+
+def test_what_is_skipped_counts_without_the_middle_view():
+    """The middle view has a background that is skipped, the wanted one has none."""
+    fine = make_fine(40, 30)
+    half = np.rint((average_down(fine).astype(float) + filter_down(fine)) / 2).astype(np.uint8)
+    views = {(v, u): half.copy() for v in range(5) for u in range(5)}
+    for small in views.values():
+        small[0, 0] = 7
+    views[2, 2][4:] = 0
+    statistics = SkipStatistics()
+    network = MakingTwo({7: fine, 0: fine})
+    upscale_views(network, Black(), views, [(0, 0)], (5, 5), finds_sampling=True, statistics=statistics)
+    assert len(network.made) > 1
+    assert (statistics.pixels, statistics.uniform) == (40 * 30, 0)
+
+
+def test_views_that_are_sure_need_no_other():
     fine = make_fine(40, 30)
     views = {(v, u): average_down(fine) for v in range(5) for u in range(5)}
     for number, small in enumerate(views.values()):

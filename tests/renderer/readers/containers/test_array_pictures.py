@@ -15,6 +15,7 @@ from ciir.renderer.levels import ROUNDED
 from ciir.renderer.limits import Limits
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.containers.hdf5_data_set import find_shape
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.lenslet.grid import Known
 from ciir.renderer.writers.pictures import encode_png
@@ -203,7 +204,9 @@ def test_a_light_field_comes_first(array, kind):
 @pytest.mark.parametrize("other", [np.zeros((60, 112), np.uint8), np.zeros((9, 40, 50), np.uint8)])
 def test_which_of_several_is_meant_is_not_guessed(array, kind, other):
     name, save = FILES[kind]
-    with pytest.raises(Unreadable, match=rf"^{name}: holds .*eia (60x112x3|3x112x60).*; give .* array alone, \(H, W\)"):
+    with pytest.raises(
+        Unreadable, match=rf"^{name}: holds .*eia (60x112x3|3x112x60).*; give .* beside no other pictures"
+    ):
         read(save(eia=array, other=other), name, lenses=LENSES)
 
 
@@ -217,18 +220,50 @@ def test_of_one_that_is_not_read_the_type_is_named(array, kind):
             read(save(eia=made), name, lenses=LENSES)
 
 
-def test_structs_and_groups_count_by_their_size(array):
+def test_a_light_field_in_a_struct_or_group_comes_first(array):
     views = np.zeros((2, 3, 40, 50, 3), np.uint8)
     settings = {"pitch": 0.5, "camera": np.eye(4)}
+    thumb = np.random.default_rng(0).random((400, 400, 3))
     assert read(save_mat5(eia=array, scene={"LF": views}), "a.mat").views.shape == views.shape
     assert read(save_mat5(True, eia=array, scene={"LF": views}), "a.mat").views.shape == views.shape
     assert read(save_hdf5(**{"eia": array, "scene/LF": views}), "a.h5").views.shape == views.shape
+    for is_packed in (False, True):
+        deep = save_mat5(is_packed, thumb=thumb, data={"scene": {"LF": views}})
+        assert read(deep, "a.mat").views.shape == views.shape
+    assert read(save_hdf5(**{"thumb": thumb, "data/scene/LF": views}), "a.h5").views.shape == views.shape
     assert read(save_mat5(eia=array, scene=settings), "a.mat", lenses=LENSES).depth_sense == "lenses"
     grouped = save_hdf5(**{"eia": array, "scene/pitch": 0.5, "scene/camera": np.eye(4)})
     assert read(grouped, "a.h5", lenses=LENSES).depth_sense == "lenses"
     cells = np.array([array, array], object)
-    with pytest.raises(Unreadable, match=r"holds eia .* or an elemental image array alone"):
-        read(save_mat5(eia=array, views=cells), "a.mat", lenses=LENSES)
+    assert read(save_mat5(eia=array, views=cells), "a.mat", lenses=LENSES).depth_sense == "lenses"
+
+
+def test_groups_are_looked_into_a_bounded_number_of_times(array, monkeypatch):
+    """Each of 70 names stands for one group with 70 names for one other group: 343,000 paths."""
+    file = io.BytesIO()
+    with h5py.File(file, "w") as hdf5:
+        hdf5["eia"] = array
+        inner, outer = hdf5.create_group("inner"), hdf5.create_group("outer")
+        for number in range(70):
+            hdf5[f"g{number}"], outer[f"h{number}"], inner[f"k{number}"] = outer, inner, hdf5["eia"]
+    found = []
+    module = "ciir.renderer.readers.containers.hdf5.find_shape"
+    monkeypatch.setattr(module, lambda *args: found.append(args) or find_shape(*args))
+    assert read(file.getvalue(), "a.h5", lenses=LENSES).depth_sense == "lenses"
+    assert len(found) < 10_000
+
+
+@pytest.mark.parametrize("kind", ["npy", *FILES])
+def test_arrays_of_too_many_bytes(array, kind):
+    name, save = {"npy": ("a.npy", lambda **variables: saved(*variables.values()))}.get(kind) or FILES[kind]
+    limits = Limits(set_bytes=8 * array.size - 1)
+    with pytest.raises(TooLarge, match=rf"^{name}: (eia|the array) comes to {8 * array.size:,} bytes; at most "):
+        read(save(eia=array / 255), name, lenses=LENSES, limits=limits)
+
+
+def test_an_array_beside_a_white_picture(array):
+    bundle = Bundle("folder", None, {"eia.npz": save_npz(eia=array), "white.png": encode_png(array)})
+    assert inspect(bundle, Options())["kind"] in ("eia", "picture")
 
 
 def test_what_else_hdf5_holds(array):
