@@ -69,7 +69,7 @@ def saturation(effort: Effort) -> Iterator[Found | Skipped]:
         rounding = [node for node in shipped.list_nodes(weights) if node.op_type == "QuantizeLinear"]
         rounding = rounding[1:]  # the first is the picture itself, whose grid is its 256 levels
         tensors = [text for node in rounding for text in (node.output[0], node.input[2])]
-        inside = shipped.expose_tensors(weights, tensors)(images)
+        inside = shipped.expose_tensors(weights, tensors, is_int8=True)(images)
         shares = {}
         for node in rounding:
             codes, zero = inside[node.output[0]], int(inside[node.input[2]])

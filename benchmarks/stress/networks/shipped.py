@@ -59,7 +59,7 @@ def list_int8_twins(effort: Effort) -> Iterator[tuple[str, str]]:
 
 def load_network(name: str, *, threads: int | None = None) -> Callable[[Values], Values]:
     """The network as onnxruntime runs it, `BATCH` pictures at a time: no check, padding, tiles, or clipping."""
-    session = open_session(read_weights(name), threads or count_available_cores())
+    session = open_session(read_weights(name), threads or count_available_cores(), is_int8=is_int8(name))
 
     def run(images: Values) -> Values:
         outputs = [session.run(None, {"image": part})[0] for part in split_batch(images)]
@@ -124,13 +124,15 @@ def list_nodes(network: bytes) -> list[NodeProto]:
     return list(onnx.load_from_string(network).graph.node)
 
 
-def expose_tensors(network: bytes, names: Sequence[str]) -> Callable[[Values], dict[str, NDArray[np.generic]]]:
+def expose_tensors(
+    network: bytes, names: Sequence[str], *, is_int8: bool = False
+) -> Callable[[Values], dict[str, NDArray[np.generic]]]:
     """The network with the tensors `names` as outputs beside its own."""
     import onnx
 
     model = onnx.load_from_string(network)
     model.graph.output.extend(onnx.ValueInfoProto(name=name) for name in names)
-    session = open_session(model.SerializeToString(), count_available_cores())
+    session = open_session(model.SerializeToString(), count_available_cores(), is_int8=is_int8)
 
     def run(images: Values) -> dict[str, NDArray[np.generic]]:
         return dict(zip(names, session.run(list(names), {"image": images}), strict=True))

@@ -123,8 +123,8 @@ def test_saturation(monkeypatch):
     assert states(layers.saturation, effort) == [True, True]
     inside = shipped.expose_tensors
 
-    def saturated(weights, names):
-        run = inside(weights, names)
+    def saturated(weights, names, **more):
+        run = inside(weights, names, **more)
 
         def ran(images):
             return {name: np.full_like(values, 255) if values.ndim else values for name, values in run(images).items()}

@@ -48,6 +48,11 @@ def made(weights, pairs):
     return quantise.quantise_network(weights, pairs)
 
 
+def run(network, pairs):
+    """What a serialised network makes of the first of `pairs`; int8 is emulated where the processor can't."""
+    return open_session(network, 1, is_int8=True).run(None, pairs[0].inputs)[0]
+
+
 def test_a_grid_holds_zero_and_spans_what_it_is_given():
     grid = qdq.Grid.over(-0.5, 2.0)
     assert grid.round(np.float32([0.0])) == 0.0
@@ -84,7 +89,7 @@ def test_a_relu_behind_a_layer_that_is_padded(pairs):
     weights = to_onnx.convert_network(simplify_network(make_network("compact", {"widths": [8, 16], "slope": 0.0})), 2)
     grids = quantise.choose_grids(onnx.load_from_string(weights), pairs)
     made = qdq.insert_qdq(onnx.load_from_string(weights), grids).SerializeToString()
-    got, want = (open_session(network, 1).run(None, pairs[0].inputs)[0] for network in (made, weights))
+    got, want = (run(network, pairs) for network in (made, weights))
     assert np.abs(got - want).max() < 3 / 255
 
 
@@ -155,17 +160,15 @@ def test_joined_outputs_of_layers_keep_their_own_grids(pairs):
     made = qdq.insert_qdq(model, grids)
     values = {value.name: onnx.numpy_helper.to_array(value) for value in made.graph.initializer}
     assert values["join.weight_8_codes"].shape[1] == 16 + 5 + 3 + 3 + 1  # the negated part too, made up to fours
-    wanted, output = (
-        open_session(network, 1).run(None, pairs[0].inputs)[0] for network in (weights, made.SerializeToString())
-    )
+    wanted, output = (run(network, pairs) for network in (weights, made.SerializeToString()))
     coarse = {name: grids[next(iter(layer.parts))] if name in layer.parts else grid for name, grid in grids.items()}
-    worse = open_session(qdq.insert_qdq(model, coarse).SerializeToString(), 1).run(None, pairs[0].inputs)[0]
+    worse = run(qdq.insert_qdq(model, coarse).SerializeToString(), pairs)
     error = np.abs(output - wanted).max()
     assert error < 3 / 255
     assert np.abs(worse - wanted).max() > 4 * error
     kept = qdq.insert_qdq(model, grids, ["join.weight"])
     onnx.checker.check_model(kept, full_check=True)
-    assert np.abs(open_session(kept.SerializeToString(), 1).run(None, pairs[0].inputs)[0] - wanted).max() < 3 / 255
+    assert np.abs(run(kept.SerializeToString(), pairs) - wanted).max() < 3 / 255
 
 
 class ReadTwice(torch.nn.Module):
@@ -206,7 +209,7 @@ def test_a_layer_that_is_joined_twice(pairs):
     assert [list(layer.parts.values()) for layer in qdq.find_layers(model) if layer.parts] == [[16, 5], [18, 5]]
     made = qdq.insert_qdq(model, quantise.choose_grids(model, pairs))
     onnx.checker.check_model(made, full_check=True)
-    got, want = (open_session(one.SerializeToString(), 1).run(None, pairs[0].inputs)[0] for one in (made, model))
+    got, want = (run(one.SerializeToString(), pairs) for one in (made, model))
     assert np.abs(got - want).max() < 6 / 255  # both are rounded before they are added
 
 
@@ -229,9 +232,7 @@ def test_dense_networks(name, pairs):
     assert not any(layer.parts for layer in qdq.find_layers(model))
     made = qdq.insert_qdq(model, quantise.choose_grids(model, pairs))
     onnx.checker.check_model(made, full_check=True)
-    wanted, output = (
-        open_session(network, 1).run(None, pairs[0].inputs)[0] for network in (weights, made.SerializeToString())
-    )
+    wanted, output = (run(network, pairs) for network in (weights, made.SerializeToString()))
     assert np.abs(output - wanted).max() < 3 / 255
 
 
