@@ -1,4 +1,4 @@
-"""16-bit pictures of cameras with fewer bits: networks see the whole range.
+"""Bits of a level: 16-bit pictures of cameras with fewer, and pictures whose levels are not yet rounded to 8.
 
 A camera of 10 or 12 bits fills a part of 16. Networks were trained on pictures that fill the range, and are up to 10 dB
 worse on ones that are so dark. So levels are multiplied by a power of two before a network, and divided after it.
@@ -55,6 +55,19 @@ def lower_levels(picture: NDArray[Any], unused: int) -> NDArray[Any]:
         colours += half
         colours >>= unused
     return picture
+
+
+def round_to_depth(picture: NDArray[Any], depth: np.dtype[Any]) -> NDArray[Any]:
+    """`picture` of 16 bits in the type `depth`: the same array for 16 bits; for 8 its levels, which are 257 times as
+    large, rounded to the nearest (of which 0.498 is one up).
+    """
+    if depth != np.uint8:
+        return picture
+    levels = picture >> 8
+    np.subtract(picture, levels, out=levels)  # 256 times the level, where it is whole
+    levels += np.uint16(128)
+    levels >>= 8
+    return levels.astype(np.uint8)
 
 
 def limit_levels(picture: NDArray[Any], unused: int) -> NDArray[Any]:

@@ -57,19 +57,20 @@ def restore_luma(
     large: Pixels, small: Pixels, sampling: SamplingKind, *, gain: float = 1.0, noise: float = 0.0
 ) -> Pixels:
     """`large` `(scale*H, scale*W, C)`, whose luma is brought closer to that of `small` `(H, W, C)`, of which it was
-    made, by `gain` in [0, 1] of the difference.
+    made, by `gain` in [0, 1] of the difference. Either may be of 8 or 16 bits.
 
     `sampling`: how `small` was made. A difference d of luma in [0, 1] counts by d^2 / (d^2 + noise^2).
     """
     from PIL import Image  # the web process does without
 
-    scale, peak, cubic = len(large) // len(small), float(np.iinfo(small.dtype).max), Image.Resampling.BICUBIC
+    scale, cubic = len(large) // len(small), Image.Resampling.BICUBIC
+    peak, small_peak = (float(np.iinfo(picture.dtype).max) for picture in (large, small))
     result = np.empty_like(large)
     for top in range(0, len(small), STRIP_ROWS):
         bottom = min(top + STRIP_ROWS, len(small))
         first, last = max(top - MARGIN, 0), min(bottom + MARGIN, len(small))
         fine = Image.fromarray(compute_luma(large[scale * first : scale * last], peak))
-        seen = compute_luma(small[first:last], peak)
+        seen = compute_luma(small[first:last], small_peak)
         size = (small.shape[1], last - first)
         made = fine.resize(size, cubic) if sampling == "filter" else fine.reduce(scale)
         difference = seen - np.asarray(made)

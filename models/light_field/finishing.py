@@ -12,6 +12,8 @@ from ciir.models.light_field.pixels import blend_pictures
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from numpy.typing import NDArray
+
     from ciir.models.light_field.disparities.shifts import Pixels, Plane
     from ciir.models.light_field.sampling import Sampling
 
@@ -40,15 +42,16 @@ class Finishing(NamedTuple):
 
 
 def finish_view(
-    picture: Pixels,
+    picture: NDArray[np.uint16],
     small: Pixels,
     uncertainty: Plane,
     sampling: Sampling | None,
-    upscale_alone: Callable[[], Pixels],
+    upscale_alone: Callable[[], NDArray[np.uint16]],
     *,
     is_surrounded: bool,
 ) -> Finishing:
-    """Changes `picture` `(scale*H, scale*W, C)`, which a light-field network made of `small` `(H, W, C)`, in place.
+    """Changes `picture` `(scale*H, scale*W, C)` of 16 bits, which a light-field network made of `small` `(H, W, C)` of
+    8 or 16, in place.
 
     From `CONFIDENT` to `UNCERTAIN` of `uncertainty` `(H, W)` it is blended with the fallback's, in a view of which that
     would make more than `MINIMUM_FALLBACK_SHARE`. One that was made small by an antialiasing filter becomes the mean

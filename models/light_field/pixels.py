@@ -22,13 +22,12 @@ def convert_to_planes(picture: Pixels) -> NDArray[np.float32]:
     return np.broadcast_to(convert_to_float(picture), (*picture.shape[:2], 3)).transpose(2, 0, 1)
 
 
-def round_levels(planes: NDArray[np.float32], like: Pixels) -> NDArray[Any]:
-    """`(3, h, w)` in [0, 1] -> `(C, h, w)` with the channels and the type of `like`, rounded to nearest."""
+def round_levels(planes: NDArray[np.float32], like: NDArray[np.uint16]) -> NDArray[np.uint16]:
+    """`(3, h, w)` in [0, 1] -> `(C, h, w)` of 16 bits with the channels of `like`, rounded to nearest."""
     grey = planes.mean(axis=0, keepdims=True) if like.shape[-1] == 1 else planes
     levels = grey * np.float32(np.iinfo(like.dtype).max)
     levels += np.float32(0.5)
-    rounded: NDArray[Any] = levels.astype(like.dtype)
-    return rounded
+    return levels.astype(like.dtype)
 
 
 def write_planes(target: NDArray[Any], planes: NDArray[Any], mask: NDArray[np.bool_] | None) -> None:
@@ -43,7 +42,7 @@ def write_planes(target: NDArray[Any], planes: NDArray[Any], mask: NDArray[np.bo
             np.copyto(target[..., channel], plane, where=mask)
 
 
-def blend_pictures(picture: Pixels, fallback: Pixels, weight: NDArray[np.float32]) -> None:
+def blend_pictures(picture: NDArray[np.uint16], fallback: NDArray[np.uint16], weight: NDArray[np.float32]) -> None:
     """Blends `fallback` into `picture`, both `(scale*H, scale*W, C)`, in place; `weight` `(H, W)`: of `fallback`."""
     scale = len(picture) // len(weight)
     for first in range(0, len(weight), BLEND_ROWS):

@@ -58,8 +58,8 @@ class Job(NamedTuple):
 class Output(NamedTuple):
     """The arrays that runs of the network fill, by the numbers of views."""
 
-    pictures: Pixels
-    """`(n, scale*H, scale*W, C)`."""
+    pictures: NDArray[np.uint16]
+    """`(n, scale*H, scale*W, C)`: 8-bit views as 257 times their levels, which are rounded when they are finished."""
     uncertainty: NDArray[np.float32]
     """`(n, H, W, 1)`."""
     shifts: Sequence[NDArray[np.int64]]
@@ -73,7 +73,7 @@ def run_network(job: Job, wanted: Sequence[View]) -> Output:
     scale, first = job.network.scale, job.views[wanted[0]]
     height, width, channels = first.shape
     output = Output(
-        np.empty((len(wanted), height * scale, width * scale, channels), first.dtype),
+        np.empty((len(wanted), height * scale, width * scale, channels), np.uint16),
         np.empty((len(wanted), height, width, 1), np.float32),
         *_measure_disparities(job, wanted),
     )

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.bit_depth import count_unused_bits, lower_levels, raise_levels
+from ciir.bit_depth import count_unused_bits, lower_levels, raise_levels, round_to_depth
 from ciir.errors import InvalidImage
 from ciir.models.light_field.finishing import Finishing, finish_view
 from ciir.models.light_field.runner import Job, run_network
@@ -76,7 +76,7 @@ def upscale_views(
         raised = {view: raise_levels(views[view], unused) for view in list_required_views(some, grid)}
         job = Job(network, raised, grid, skip, statistics, disparities)
         pictures, finished = _upscale_repeated(job, fallback, some, finds_sampling)
-        made.append((lower_levels(pictures, unused), finished))
+        made.append((round_to_depth(lower_levels(pictures, unused), views[some[0]].dtype), finished))
     return join_groups(list(by_bits.values()), made)
 
 
@@ -138,9 +138,8 @@ def _find_samplings(job: Job, wanted: Sequence[View], pictures: Pixels) -> list[
     return [each.sampling for each in found]
 
 
-def _upscale_single(upscaler: Upscaler, view: Pixels, skip: bool) -> Pixels:
-    # The type variable of `upscale_pixels` is 8 or 16 bit, where a view may be either: one stands for both.
-    large: Pixels = upscale_pixels(upscaler, cast("NDArray[np.uint8]", view[np.newaxis]), skip=skip)[0]
+def _upscale_single(upscaler: Upscaler, view: Pixels, skip: bool) -> NDArray[np.uint16]:
+    large: NDArray[np.uint16] = upscale_pixels(upscaler, view[np.newaxis], skip=skip, keeps_fractions=True)[0]
     return large
 
 

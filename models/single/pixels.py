@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -21,15 +21,18 @@ if TYPE_CHECKING:
     from ciir.models.tiles import Tile
     from ciir.models.upscaler import Upscaler
 
-Depth = TypeVar("Depth", np.uint8, np.uint16)
-
 BLOCK_PIXELS = 1 << 20
 """Most input pixels held as float at once: 12 MiB, and `scale**2` times that of output, for each pass."""
 
 
 def upscale_pixels(
-    upscaler: Upscaler, pictures: NDArray[Depth], *, skip: bool = True, statistics: SkipStatistics | None = None
-) -> NDArray[Depth]:
+    upscaler: Upscaler,
+    pictures: NDArray[Any],
+    *,
+    skip: bool = True,
+    statistics: SkipStatistics | None = None,
+    keeps_fractions: bool = False,
+) -> NDArray[Any]:
     """Upscales `(N, H, W, C)` to `(N, scale*H, scale*W, C)` of the same type, rounded to nearest.
 
     C: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha; 8 or 16 bit. Grey is upscaled as three equal channels, whose
@@ -39,7 +42,8 @@ def upscale_pixels(
 
     For a network, colours of 16 bit that use fewer bits are multiplied by a power of two before, and divided
     after (`ciir.bit_depth`). `skip`: whether to skip uniform and repeated parts (`models.single.skipping`), which
-    doesn't change the result. `statistics`: the pixels are added to it.
+    doesn't change the result. `statistics`: the pixels are added to it. `keeps_fractions`: 8-bit pictures come out in
+    16 bits, with 257 times the levels, for what is rounded later.
 
     Raises `InvalidImage` where the array is of another shape or type.
     """
@@ -51,40 +55,43 @@ def upscale_pixels(
     unused = [count_unused_bits(picture) if is_network else 0 for picture in pictures]
     if any(unused):
         pictures = np.stack([raise_levels(picture, bits) for picture, bits in zip(pictures, unused, strict=True)])
-    large = _upscale_distinct(upscaler, pictures, skip, SkipStatistics() if statistics is None else statistics)
+    depth = np.dtype(np.uint16) if keeps_fractions else pictures.dtype
+    large = _upscale_distinct(upscaler, pictures, depth, skip, SkipStatistics() if statistics is None else statistics)
     for picture, bits in zip(large, unused, strict=True):
         lower_levels(picture, bits)
     return large
 
 
 def _upscale_distinct(
-    upscaler: Upscaler, pictures: NDArray[Depth], skip: bool, statistics: SkipStatistics
-) -> NDArray[Depth]:
-    """Upscales pictures, each of several equal ones once where `skip`."""
+    upscaler: Upscaler, pictures: NDArray[Any], depth: np.dtype[Any], skip: bool, statistics: SkipStatistics
+) -> NDArray[Any]:
+    """Upscales pictures to the type `depth`, each of several equal ones once where `skip`."""
     count, height, width, _ = pictures.shape
     statistics.pixels += count * height * width
     if not skip:
-        return _upscale_whole(upscaler, pictures)
+        return _upscale_whole(upscaler, pictures, depth)
     firsts = skipping.find_repeats(pictures) if count > 1 else [0] * count
     distinct = sorted(set(firsts))
     if len(distinct) == count:
-        return _upscale_boxes(upscaler, pictures, statistics)
+        return _upscale_boxes(upscaler, pictures, depth, statistics)
     statistics.repeated += (count - len(distinct)) * height * width
-    return _upscale_boxes(upscaler, pictures[distinct], statistics)[np.searchsorted(distinct, firsts)]
+    return _upscale_boxes(upscaler, pictures[distinct], depth, statistics)[np.searchsorted(distinct, firsts)]
 
 
-def _upscale_boxes(upscaler: Upscaler, pictures: NDArray[Depth], statistics: SkipStatistics) -> NDArray[Depth]:
+def _upscale_boxes(
+    upscaler: Upscaler, pictures: NDArray[Any], depth: np.dtype[Any], statistics: SkipStatistics
+) -> NDArray[Any]:
     """Upscales pictures, computing only what is not uniform background."""
     count, height, width, channels = pictures.shape
     scale, radius = upscaler.scale, upscaler.radius
     found = [skipping.find_boxes(picture, radius) for picture in pictures] if skipping.can_skip(upscaler) else []
     if all(colour is None for colour, _ in found):
-        return _upscale_whole(upscaler, pictures)
-    result = np.empty((count, height * scale, width * scale, channels), pictures.dtype)
+        return _upscale_whole(upscaler, pictures, depth)
+    result = np.empty((count, height * scale, width * scale, channels), depth)
     by_shape: dict[tuple[int, ...], list[tuple[int, Tile]]] = {}
     for number, (colour, boxes) in enumerate(found):
         if colour is not None:
-            pattern = _make_pattern(cast("Any", upscaler), colour.tobytes(), pictures.dtype.name)
+            pattern = _make_pattern(cast("Any", upscaler), colour.tobytes(), pictures.dtype, depth)
             skipping.fill_with_pattern(result[number], pattern, radius, scale)
             computed = sum(skipping.count_pixels(box.region) for box in boxes)
             statistics.uniform += max(0, height * width - computed)
@@ -92,39 +99,39 @@ def _upscale_boxes(upscaler: Upscaler, pictures: NDArray[Depth], statistics: Ski
             by_shape.setdefault(pictures[number][box.region].shape, []).append((number, box))
     for group in by_shape.values():
         parts = np.stack([pictures[number][box.region] for number, box in group])
-        for (number, box), large in zip(group, _upscale_whole(upscaler, parts), strict=True):
+        for (number, box), large in zip(group, _upscale_whole(upscaler, parts, depth), strict=True):
             result[number][box.kept_in_picture(scale)] = large[box.kept_in_tile(scale)]
     return result
 
 
 @lru_cache(maxsize=64)
-def _make_pattern(upscaler: Any, colour: bytes, dtype: str) -> NDArray[Any]:
+def _make_pattern(upscaler: Any, colour: bytes, given: np.dtype[Any], depth: np.dtype[Any]) -> NDArray[Any]:
     """The result for a small picture of one colour, as `skipping.fill_with_pattern` takes it."""
     side = 2 * upscaler.radius + 1
-    uniform = np.tile(np.frombuffer(colour, dtype), (1, side, side, 1))
-    pattern: NDArray[Any] = _upscale_whole(upscaler, uniform)[0]
+    uniform = np.tile(np.frombuffer(colour, given), (1, side, side, 1))
+    pattern: NDArray[Any] = _upscale_whole(upscaler, uniform, depth)[0]
     return pattern
 
 
-def _upscale_whole(upscaler: Upscaler, pictures: NDArray[Depth]) -> NDArray[Depth]:
+def _upscale_whole(upscaler: Upscaler, pictures: NDArray[Any], depth: np.dtype[Any]) -> NDArray[Any]:
     """Upscales pictures without skipping."""
     count, height, width, channels = pictures.shape
     scale = upscaler.scale
-    result = np.empty((count, height * scale, width * scale, channels), pictures.dtype)
+    result = np.empty((count, height * scale, width * scale, channels), depth)
     batch = max(1, BLOCK_PIXELS // (height * width))
     for tile in tiles.split_picture(height, width, radius=max(1, upscaler.radius), tile_pixels=BLOCK_PIXELS):
         (rows, cols), (top, left) = tile.region, tile.kept_in_picture(scale)
         good_rows, good_cols = tile.kept_in_tile(scale)
         for first in range(0, count, batch):
             part = slice(first, first + batch)
-            large = _upscale_block(upscaler, pictures[part, rows, cols])  # (n, C, h, w)
+            large = _upscale_block(upscaler, pictures[part, rows, cols], depth)  # (n, C, h, w)
             for channel in range(channels):  # several times as fast as all at once
                 result[part, top, left, channel] = large[:, channel, good_rows, good_cols]
     return result
 
 
-def _upscale_block(upscaler: Upscaler, pictures: NDArray[Depth]) -> NDArray[Depth]:
-    """Upscales `(n, h, w, C)` to `(n, C, scale*h, scale*w)`."""
+def _upscale_block(upscaler: Upscaler, pictures: NDArray[Any], depth: np.dtype[Any]) -> NDArray[Any]:
+    """Upscales `(n, h, w, C)` to `(n, C, scale*h, scale*w)` of the type `depth`."""
     peak = np.float32(np.iinfo(pictures.dtype).max)
     planes = np.moveaxis(pictures, 3, 1).astype(np.float32, order="C")  # (N, C, H, W)
     planes /= peak
@@ -142,9 +149,9 @@ def _upscale_block(upscaler: Upscaler, pictures: NDArray[Depth]) -> NDArray[Dept
         large_colour *= large_alpha > 0
         np.minimum(large_colour, 1.0, out=large_colour)
         large = np.concatenate((large_colour, large_alpha), axis=1)
-    large *= peak
+    large *= np.iinfo(depth).max
     large += 0.5
-    return large.astype(pictures.dtype)
+    return large.astype(depth)
 
 
 def _upscale_colour(upscaler: Upscaler, colour: NDArray[np.float32]) -> NDArray[np.float32]:

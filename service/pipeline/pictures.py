@@ -20,7 +20,7 @@ from ciir.renderer.writers.pictures import encode
 from ciir.service.pipeline.limits import check_size
 from ciir.service.pipeline.options import AUTO, NO_MODEL
 from ciir.service.pipeline.report import Clock, Report, find_versions
-from ciir.service.pipeline.stages.upscaling import describe_model, describe_skipped, upscale_pictures
+from ciir.service.pipeline.stages.upscaling import describe_model, describe_skipped
 
 if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
@@ -68,6 +68,8 @@ def upscale_files(
     result are skipped. `limits`: on the inputs; `max_pixels`: most pixels of an output.
     Raises `InputError`, with the picture's name, and `ModelError`.
     """
+    from ciir.models.single.pixels import upscale_pixels
+
     clock = clock or Clock()
     if model == NO_MODEL:
         raise InvalidOption("model: none leaves pictures as they are; give one that `ciir models` lists")
@@ -88,7 +90,7 @@ def upscale_files(
         check_size(pixels.shape[:2], scale, limit=max_pixels, what=name)
         with clock.stage("upscale"):
             begun = time.perf_counter()
-            large = upscale_pictures(upscaler, pixels[np.newaxis], skip=skip, statistics=statistics)[0]
+            large = upscale_pixels(upscaler, pixels[np.newaxis], skip=skip, statistics=statistics)[0]
             statistics.seconds += time.perf_counter() - begun
         with clock.stage("encode"):
             write(output, _encode(large, output))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ciir.bit_depth import count_unused_bits, count_unused_camera_bits, lower_levels, raise_levels
+from ciir.bit_depth import count_unused_bits, count_unused_camera_bits, lower_levels, raise_levels, round_to_depth
 from ciir.models import catalogue
 from ciir.models.light_field.views import upscale_views
 from ciir.models.single.pixels import upscale_pixels
@@ -43,6 +43,15 @@ def test_lowering_undoes_raising_and_rounds(unused, level, channels):
     most = 2 ** (16 - unused) - 1
     lowered = lower_levels(np.full((1, 1, 1), 65535, np.uint16), unused)
     assert lowered.item() == most
+
+
+def test_16_bits_are_rounded_to_8():
+    every = np.arange(2**16, dtype=np.uint16)
+    rounded = round_to_depth(every, np.dtype(np.uint8))
+    assert rounded.dtype == np.uint8
+    assert np.abs(rounded - every / 257).max() < 0.5 + 1 / 500
+    assert np.array_equal(rounded[::257], np.arange(256))
+    assert round_to_depth(every, every.dtype) is every
 
 
 @pytest.mark.parametrize("bits", [10, 12])

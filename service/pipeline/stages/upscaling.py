@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
     from ciir.models.light_field.finishing import Finishing
     from ciir.models.single.skipping import SkipStatistics
-    from ciir.models.upscaler import Upscaler
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
     from ciir.service.pipeline.planning.plan import Plan
@@ -76,11 +75,13 @@ def _load_model(plan: Plan, arrangement: Arrangement, skip: bool, statistics: Sk
             return np.concatenate([made, np.full_like(made[..., :1], alpha)], axis=3) if alpha else made, finished
 
         return upscale_light_field
+    from ciir.models.single.pixels import upscale_pixels
+
     upscaler = catalogue.load_upscaler(plan.model, scale=plan.scale)
 
     def upscale_singly(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, list[Finishing]]:
         pictures: NDArray[Any] = np.stack([views[view] for view in wanted])
-        return upscale_pictures(upscaler, pictures, skip=skip, statistics=statistics), []
+        return upscale_pixels(upscaler, pictures, skip=skip, statistics=statistics), []
 
     return upscale_singly
 
@@ -94,14 +95,6 @@ def _split_alpha(views: Mapping[View, Pixels]) -> tuple[Mapping[View, Pixels], i
     if first.shape[2] in (1, 3):
         return views, 0
     return {view: picture[..., :-1] for view, picture in views.items()}, int(np.iinfo(first.dtype).max)
-
-
-def upscale_pictures(upscaler: Upscaler, pictures: Pixels, *, skip: bool, statistics: SkipStatistics | None) -> Pixels:
-    """Upscales `(N, H, W, C)` to `(N, scale*H, scale*W, C)` of the same type (`models.single.pixels`)."""
-    from ciir.models.single.pixels import upscale_pixels
-
-    # Its type variable takes 8 or 16 bit, where a picture that was read is either: one of them stands for both.
-    return upscale_pixels(upscaler, cast("NDArray[np.uint8]", pictures), skip=skip, statistics=statistics)
 
 
 def fallback_name() -> str:

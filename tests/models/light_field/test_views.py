@@ -131,8 +131,28 @@ def test_the_fallback_is_used_where_confidence_is_low(uncertainty, expected_shar
     (got,), finished = upscale_views(Repeating(uncertainty), fallback, views, [(1, 1)], (3, 3))
     weight = np.clip((uncertainty - CONFIDENT) / (UNCERTAIN - CONFIDENT), 0, 1)
     own = views[1, 1].repeat(2, axis=0).repeat(2, axis=1)
-    np.testing.assert_allclose(got, (1 - weight) * own + weight * 255, atol=1.01)  # rounded twice
+    np.testing.assert_allclose(got, (1 - weight) * own + weight * 255, atol=0.51)
     assert finished == [(expected_share, False, False)]
+
+
+class Making:
+    """A stand-in for both networks, which makes `level` of 8 bits of everything."""
+
+    name, scale, radius, threads = "making", 2, 0, 1
+
+    def __init__(self, level):
+        self.level = level
+
+    def __call__(self, images, *window, cores=None):
+        made = np.full_like(images.repeat(2, axis=2).repeat(2, axis=3), self.level / 255)
+        return (made, np.full_like(images[:, :1], (CONFIDENT + UNCERTAIN) / 2)) if window else made
+
+
+def test_levels_are_rounded_once():
+    views = make_light_field((3, 3))
+    (got,), _ = upscale_views(Making(100.6), Making(101.6), views, [(1, 1)], (3, 3))
+    assert got.dtype == np.uint8
+    assert (got == 101).all()  # 101.1; the mean of 101 and 102 would be 102
 
 
 @pytest.mark.parametrize(("rows", "is_used"), [(1, False), (3, True)])
@@ -154,15 +174,15 @@ def test_the_fallback_is_used_where_it_would_make_enough_of_a_view(rows, is_used
 def test_skip_applies_to_the_fallback_too(monkeypatch):
     given = []
 
-    def record(upscaler, pictures, *, skip):
-        given.append(skip)
-        return pictures.repeat(2, axis=1).repeat(2, axis=2)
+    def record(upscaler, pictures, *, skip, keeps_fractions):
+        given.append((skip, keeps_fractions))
+        return 257 * pictures.astype(np.uint16).repeat(2, axis=1).repeat(2, axis=2)
 
     monkeypatch.setattr("ciir.models.light_field.views.upscale_pixels", record)
     views = make_light_field((3, 3), (9, 8, 3))
     for skip in (True, False):
         upscale_views(Repeating(1.1), fallback, views, [(1, 1)], (3, 3), skip=skip)
-    assert given == [True, False]
+    assert given == [(True, True), (False, True)]
 
 
 class RepeatingOnThreeCores(Repeating):

@@ -33,6 +33,21 @@ def test_nearest_gives_every_value_back(pictures):
     assert np.array_equal(got, want)
 
 
+@pytest.mark.parametrize("channels", [1, 2, 3, 4])
+@pytest.mark.parametrize("dtype", DEPTHS)
+def test_fractions_of_levels_are_kept(dtype, channels):
+    """With a background that is skipped, and with two equal pictures."""
+    picture = make_noise(dtype, 1, 40, 30, channels)
+    picture[:, 12:] = picture[:, 12:13, :1]
+    pictures, network = np.concatenate([picture, picture]), load_upscaler("fast")
+    fine, rounded = (upscale_pixels(network, pictures, keeps_fractions=keeps) for keeps in (True, False))
+    assert fine.dtype == np.uint16
+    assert rounded.dtype == dtype
+    level = np.iinfo(np.uint16).max / np.iinfo(dtype).max
+    assert np.abs(fine / level - rounded).max() <= 0.5 + 1e-3  # float32
+    assert (fine % level != 0).mean() > 0.1 or level == 1
+
+
 @pytest.mark.parametrize("dtype", DEPTHS)
 def test_grey_is_the_mean_of_three_equal_channels(dtype):
     grey = make_noise(dtype, 1, 9, 8, 1)

@@ -48,7 +48,7 @@ def test_depth_and_channels_are_kept(suffix, channels, dtype):
 
 @pytest.mark.parametrize(("channels", "dtype"), [(4, np.uint8), (2, np.uint8), (3, np.uint16)])
 def test_what_the_output_can_not_hold_is_refused_before_the_work(monkeypatch, channels, dtype):
-    monkeypatch.setattr("ciir.service.pipeline.pictures.upscale_pictures", pytest.fail)
+    monkeypatch.setattr("ciir.models.single.pixels.upscale_pixels", pytest.fail)
     data = encode(make_picture(5, 7, channels, dtype), ".png")
     with pytest.raises(
         InvalidOption, match=r"x\.jpg: JPEG holds 8-bit grey or RGB without transparency, not.*\.png or \.tif"
