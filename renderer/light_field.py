@@ -201,7 +201,7 @@ class LightField:
                 f"disparity: {type(disparity).__name__} is not one number; give one, as in 0.5, or several to "
                 "light_field.planes"
             )
-        if not isinstance(disparity, Real):
+        if not isinstance(disparity, Real) or isinstance(disparity, bool):
             raise InvalidOption(f"disparity: {str(disparity)[:40]!r} is no number; give pixels a view, as in 0.5")
         disparities = [float(disparity)]
         (plane,) = self.planes(disparities, method=method, aperture=aperture, shape=shape, occluders=occluders)
@@ -323,7 +323,7 @@ class LightField:
         if not isinstance(eia, np.ndarray) or eia.ndim not in (2, 3) or not eia.size:
             given = f"an array of shape {eia.shape}" if isinstance(eia, np.ndarray) else type(eia).__name__
             raise InvalidOption(f"eia: {given} is not taken; give an array (rows, columns, channels)")
-        if not all(isinstance(count, Integral) for count in (rows, cols)):
+        if not all(isinstance(count, Integral) and not isinstance(count, bool) for count in (rows, cols)):
             raise InvalidOption(
                 f"lenses: {rows!r} and {cols!r} are no whole numbers; give the counts of rows and columns"
             )

@@ -269,7 +269,10 @@ def _read_view(view: Any) -> View:
 
 
 def _is_pair(value: Any) -> bool:
-    return isinstance(value, tuple | list | np.ndarray) and len(value) == 2 and all(isinstance(x, Real) for x in value)
+    """Whether it is two numbers; True is none."""
+    if not isinstance(value, tuple | list | np.ndarray) or len(value) != 2:
+        return False
+    return all(isinstance(each, Real) and not isinstance(each, bool) for each in value)
 
 
 def _check_limits(limits: Any, side: int) -> None:

@@ -168,6 +168,8 @@ def test_options_that_are_not_known_are_refused(tmp_path):
             field.save(tmp_path / "a.png", "quilt", **options)
     with pytest.raises(InvalidOption, match="disparity: 'a' is no number; give pixels a view"):
         field.refocus("a")
+    with pytest.raises(InvalidOption, match="disparity: 'True' is no number"):
+        field.refocus(True)
     with pytest.raises(InvalidOption, match="aperture: 'a' is no number; give a radius in views"):
         field.refocus(np.float32(0.5), aperture="a")
 
@@ -252,6 +254,7 @@ def test_a_grey_array_has_one_channel():
         (np.zeros((0, 4, 3), np.uint8), 1, r"eia: an array of shape \(0, 4, 3\) is not taken"),
         (np.zeros(4, np.uint8), 1, r"eia: an array of shape \(4,\) is not taken"),
         (np.zeros((4, 4, 3), np.uint8), 2.0, "lenses: 2.0 and 2 are no whole numbers"),
+        (np.zeros((4, 4, 3), np.uint8), True, "lenses: True and 2 are no whole numbers"),
     ],
 )
 def test_what_is_no_elemental_image_array(eia, rows, words):

@@ -221,6 +221,7 @@ def test_large_views_are_refused_before_they_are_compared(monkeypatch):
         ((1,), "is no range; give two numbers"),
         (("a", 1), "is no range; give two numbers"),
         ((None, 1), "is no range; give two numbers"),
+        ((True, 2), "is no range; give two numbers"),
     ],
 )
 def test_limits_that_are_refused(limits, message):
