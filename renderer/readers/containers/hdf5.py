@@ -2,7 +2,7 @@
 
 - HCI: `LF[v, U-1-u, y, x, c]`, cameras counted from the right, with `dH` and others as attributes (Wanner, Meister &
   Goldluecke, Datasets and Benchmarks for Densely Sampled 4D Light Fields, VMV 2013);
-- MATLAB 7.3: `LF[c, x, y, u, v]`, as HDF5 counts axes from the other end;
+- MATLAB 7.3: `LF[c, x, y, u, v]`, as HDF5 counts axes from the other end, or cells: references to the views;
 - BasicLFSR: `Hr_SAI_y[U*x, V*y]`, the transposed mosaic of the views' luminance (Generate_Data_for_Training.py).
 
 Only plain data sets of the file itself are read: no links to other files, and no filters but deflate, LZF
@@ -19,7 +19,8 @@ import h5py
 
 from ciir.errors import InvalidOption, UnsupportedType
 from ciir.renderer.light_field import LightField
-from ciir.renderer.readers.containers.hdf5_data_set import DataSet, find_shape
+from ciir.renderer.readers.containers.cells import LOGICAL, Cell, CellArray, Views, find_views
+from ciir.renderer.readers.containers.hdf5_data_set import DataSet, find_shape, holds_references, list_referenced
 from ciir.renderer.readers.containers.samples import (
     Header,
     check_array,
@@ -32,7 +33,7 @@ from ciir.renderer.readers.containers.samples import (
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -51,8 +52,6 @@ NEEDED = "a light field LF with five axes, in no struct or up to two deep"
 _NEEDED = "a light field LF with five axes, in no group or up to two deep"
 LEVELS = 2
 """Of groups, or of structs of MATLAB, in which a light field is looked for."""
-LOGICAL = "logical"
-"""MATLAB's class of true and false, stored as 1 and 0 of 8 bits."""
 _CLASS = "MATLAB_class"
 _MOST_NAMES = 1000
 _LINKED = (0, 0, 0, 0, 0)
@@ -61,12 +60,13 @@ _LINKED = (0, 0, 0, 0, 0)
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
     """The light field `LF`, or else the only data set with five axes, or else a mosaic of BasicLFSR; where nothing has
-    five axes, the only data set with five in the file's groups, or else in the groups of those.
+    five axes, the only data set with five in the file's groups, or else in the groups of those, or else the only cell
+    array of MATLAB that holds views.
 
     Raises `Unreadable` where there is none, and `UnsupportedType` for one that is not stored in the file.
     """
     with h5py.File(io.BytesIO(data), "r") as file:
-        shapes = {key: find_shape(file, key) for key in list(file)[:_MOST_NAMES]}
+        shapes = {key: find_shape(file, key) for key in _list_names(file)}
         mosaic = next((key for key in MOSAICS if len(shapes.get(key, ())) == 2), None)
         if mosaic is not None and "LF" not in shapes:
             return _read_mosaic(DataSet.open(file, mosaic, data, name), layout, limits)
@@ -75,7 +75,14 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
             if not holds_light_field(shapes):
                 found_in_groups = _find_shapes_in_groups(file, found)
                 shapes, found = shapes | found_in_groups, list(found_in_groups)
-        stored = DataSet.open(file, find_light_field(shapes, name, _NEEDED), data, name)
+        searched = {"LF": shapes.get("LF", ())} if holds_light_field(shapes) else shapes
+        arrays = _list_cell_arrays(file, searched, data)
+        views, reason = find_views(arrays)
+        shapes |= {key: array.shape for key, array in arrays.items()}
+        key = find_light_field(shapes | {key: inner.shape for key, inner in views.items()}, name, _NEEDED, reason)
+        if key in views:
+            return _read_cells(DataSet.open(file, key, data, name), views[key], layout, limits)
+        stored = DataSet.open(file, key, data, name)
         is_hci, shape = HCI_ATTRIBUTE in file.attrs, stored.shape
         # Views have more pixels than there are views: in `[c, x, y, u, v]` x comes before u. MATLAB omits a c of 1.
         is_reversed = len(shape) == 5 and 1 < shape[0] <= 4 and shape[1] > shape[3]
@@ -83,6 +90,28 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
         if is_matlab and not is_hci:
             return _read_matlab(stored, layout, limits)
         return _read_plain(stored, layout, limits, is_hci)
+
+
+def _list_names(file: h5py.File) -> list[str]:
+    """What the file holds, that of MATLAB's own groups, such as `#refs#`, last."""
+    return sorted(islice(file, _MOST_NAMES), key=lambda name: name.startswith("#"))
+
+
+def _list_cell_arrays(file: h5py.File, shapes: Mapping[str, tuple[int, ...]], data: bytes) -> dict[str, CellArray]:
+    """MATLAB's cell arrays among the data sets of these `shapes`, but for those in cells."""
+    arrays = {}
+    for key, shape in shapes.items():
+        is_array = len(shape) == 2 and not key.startswith("#")
+        if is_array and holds_references(found := file[key]) and _find_class(found) == "cell":
+            arrays[key] = CellArray(shape[::-1], map(_describe_cell, list_referenced(found, data)))
+    return arrays
+
+
+def _describe_cell(found: h5py.Dataset | None) -> Cell:
+    shape = () if found is None else tuple(found.shape or ())
+    if found is None or len(shape) < 2:  # the one axis of an empty array is that of its sizes
+        return Cell("" if found is None else "empty", (0,))
+    return Cell(_find_class(found), shape[::-1], found.dtype)
 
 
 def _find_shapes_in_groups(file: h5py.File, keys: Sequence[str]) -> dict[str, tuple[int, ...]]:
@@ -108,14 +137,15 @@ def list_headers(data: bytes) -> dict[str, Header | None]:
 
 
 def list_inner_shapes(data: bytes) -> dict[str, tuple[int, ...]]:
-    """The shapes of what lies in the groups of a file, and in the groups of those."""
+    """The shapes of what lies in the groups of a file, and in the groups of those, and the axes of views in cells."""
     with h5py.File(io.BytesIO(data), "r") as file:
         shapes: dict[str, tuple[int, ...]] = {}
-        found: Sequence[str] = list(islice(file, _MOST_NAMES))
+        top = found = _list_names(file)
         for _ in range(LEVELS):
             inner = _find_shapes_in_groups(file, found)
             shapes, found = shapes | inner, list(inner)
-        return shapes
+        views, _ = find_views(_list_cell_arrays(file, {key: find_shape(file, key) for key in top} | shapes, data))
+        return shapes | {key: inner.shape for key, inner in views.items() if inner.cell.is_read}
 
 
 def read_array(data: bytes, key: str, name: str) -> NDArray[Any]:
@@ -176,6 +206,17 @@ def _read_matlab(stored: DataSet, layout: Layout, limits: Limits) -> LightField:
     samples, weighted = leave_out_weight(stored.read().T.reshape(shape))
     views, notes = convert_samples(samples, stored.name)
     return LightField(views, arranged + weighted + notes, depth_sense="cameras")
+
+
+def _read_cells(found: DataSet, views: Views, layout: Layout, limits: Limits) -> LightField:
+    refuse_logical(views.cell.kind, f"{_name(found)}{{1,1}}")
+    key = f"a cell of {found.handle.name.lstrip('/')}"
+    handles = (handle for handle in list_referenced(found.handle, found.data) if handle is not None)
+    stored = (DataSet.check(handle, key, found.data, found.name) for handle in handles)
+    samples, arranged = views.read((cell.read().T for cell in stored), name=found.name, layout=layout, limits=limits)
+    samples, weighted = leave_out_weight(samples)
+    converted, notes = convert_samples(samples, found.name)
+    return LightField(converted, arranged + weighted + notes, depth_sense="cameras")
 
 
 def _name(stored: DataSet) -> str:

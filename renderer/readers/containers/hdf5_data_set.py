@@ -14,7 +14,7 @@ from ciir.errors import TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -30,6 +30,32 @@ def find_shape(file: h5py.File, key: str) -> tuple[int, ...]:
     return tuple(found.shape or ()) if isinstance(found, h5py.Dataset) else ()
 
 
+def holds_references(found: h5py.Dataset) -> bool:
+    """Whether it holds references to objects of its file."""
+    return bool(found.id.get_type() == h5py.h5t.STD_REF_OBJ)
+
+
+def list_referenced(found: h5py.Dataset, data: bytes) -> Iterator[h5py.Dataset | None]:
+    """The data sets to which references to objects of the file `data` point; None for one whose samples are in another
+    file, one that was listed before, and any other object. Nothing where references are packed or cut off.
+    """
+    start, size = found.id.get_offset(), 8 * math.prod(found.shape)
+    if _lies_elsewhere(found.id) or start is None or found.id.get_storage_size() != size or start + size > len(data):
+        return
+    addresses = np.frombuffer(data, "<u8", size // 8, start).tolist()
+    listed: set[int] = set()
+    for address, reference in zip(addresses, found[()].flat, strict=True):
+        handle = h5py.h5r.dereference(reference, found.file.id) if reference and address not in listed else None
+        listed.add(address)
+        is_here = isinstance(handle, h5py.h5d.DatasetID) and not _lies_elsewhere(handle)
+        yield h5py.Dataset(handle) if is_here else None
+
+
+def _lies_elsewhere(found: h5py.h5d.DatasetID) -> bool:
+    plan = found.get_create_plist()
+    return bool(plan.get_external_count() or plan.get_layout() == h5py.h5d.VIRTUAL)
+
+
 @dataclass(frozen=True)
 class DataSet:
     """A data set whose samples are in the file and are packed in a known way."""
@@ -43,10 +69,14 @@ class DataSet:
     @classmethod
     def open(cls, file: h5py.File, key: str, data: bytes, name: str) -> DataSet:
         """The data set `key` of the file `name`. Raises `UnsupportedType` for any other, `TooLarge` for its chunks."""
-        handle = file[key]
+        return cls.check(file[key], key, data, name)
+
+    @classmethod
+    def check(cls, handle: h5py.Dataset, key: str, data: bytes, name: str) -> DataSet:
+        """As `open`, of a data set that is open; `key` is for messages."""
         found = cls(handle, data, name)
-        plan, filters = handle.id.get_create_plist(), found.list_filters()
-        if plan.get_external_count() or plan.get_layout() == h5py.h5d.VIRTUAL:
+        filters = found.list_filters()
+        if _lies_elsewhere(handle.id):
             raise UnsupportedType(f"{name}: {clean_text(key)} lies in another file; save it as one file")
         if any(number not in _FILTERS for number in filters) or len(set(filters)) < len(filters):
             raise UnsupportedType(

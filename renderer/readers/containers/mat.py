@@ -19,6 +19,7 @@ import numpy as np
 from ciir.errors import TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.containers import hdf5
+from ciir.renderer.readers.containers.cells import LOGICAL, NO_SAMPLES, Cell, CellArray, find_views
 from ciir.renderer.readers.containers.samples import (
     Header,
     check_array,
@@ -30,7 +31,7 @@ from ciir.renderer.readers.containers.samples import (
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from numpy.typing import NDArray
 
@@ -69,6 +70,8 @@ class Variable:
     """Of its samples' type, one of `_STORED` where it can be read."""
     samples: bytes | memoryview = b""
     """The first axis fastest."""
+    matrix: bytes | memoryview = b""
+    """The body of its element, in which cells are."""
 
     def find_type(self, name: str) -> str:
         """NumPy's name of its class. Raises `UnsupportedType` for one that is not read; `name` is for messages."""
@@ -84,9 +87,26 @@ class Variable:
         samples = np.frombuffer(self.samples, order + _STORED[self.number]).reshape(self.shape, order="F")
         return samples.astype(self.find_type(name), copy=False)
 
+    def list_cells(self, order: str) -> Iterator[Variable]:
+        """What the cells of a cell array hold."""
+        for kind, cell in islice(_split(memoryview(self.matrix), order), 3, 3 + math.prod(self.shape)):
+            inner = _read_variable(cell, order) if kind == _MATRIX and cell else ()
+            yield next((variable for _, variable in inner), _NO_ARRAY)
+
+    def describe_cells(self, order: str) -> CellArray:
+        """As an array whose cells may be views."""
+        types = {kind: np.dtype(type_) for kind, type_ in _TYPES.items()}
+        listed = (Cell(cell.kind, cell.shape, types.get(cell.kind, NO_SAMPLES)) for cell in self.list_cells(order))
+        return CellArray(self.shape, listed)
+
+
+_NO_ARRAY = Variable("", ())
+
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
-    """The variable `LF`, or else the only one with five axes; where there is none, the only one in structs."""
+    """The variable `LF`, or else the only one with five axes; where there is none, the only one in structs, or else the
+    only cell array that holds views.
+    """
     if not data.startswith(VERSION_5):
         return hdf5.read(data, name=name, layout=layout, limits=limits)
     order = _find_order(data)
@@ -100,19 +120,28 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
         if not holds_light_field(shapes):
             variables |= {key: found for matrix in matrices for key, found in _read_fields(matrix, order, levels)}
             shapes = {key: variable.shape for key, variable in variables.items()}
-    key = find_light_field(shapes, name, hdf5.NEEDED)
+    is_found = holds_light_field(shapes)
+    searched = {key: found for key, found in variables.items() if key == "LF" or not is_found}
+    in_cells, reason = find_views(_describe_cells(searched, order))
+    key = find_light_field(shapes | {key: found.shape for key, found in in_cells.items()}, name, hdf5.NEEDED, reason)
     found, what = variables[key], f"{name}: {clean_text(key)}"
-    type_ = found.find_type(what)
-    shape, arranged = settle_axes(found.shape, layout, name)  # MATLAB drops the last axis of grey views
-    check_array(name, shape, type_, limits)
-    samples = found.read(order, what).reshape(shape)
+    if key in in_cells:
+        next(found.list_cells(order)).find_type(f"{what}{{1,1}}")
+        cells = (cell.read(order, what) for cell in found.list_cells(order))
+        samples, arranged = in_cells[key].read(cells, name=name, layout=layout, limits=limits)
+    else:
+        type_ = found.find_type(what)
+        shape, arranged = settle_axes(found.shape, layout, name)  # MATLAB drops the last axis of grey views
+        check_array(name, shape, type_, limits)
+        samples = found.read(order, what).reshape(shape)
     samples, weighted = hdf5.leave_out_weight(samples)
     views, notes = convert_samples(samples, name)
     return LightField(views, arranged + weighted + notes, depth_sense="cameras")
 
 
 def list_headers(data: bytes, name: str) -> dict[str, Header | None]:
-    """The headers of the arrays of numbers in a file of version 5, None of structs; it is not unpacked further.
+    """The headers of the arrays of numbers in a file of version 5, None of structs and of cells that may be views; it
+    is not unpacked further.
 
     Raises `Unreadable` where two variables have one name.
     """
@@ -122,7 +151,7 @@ def list_headers(data: bytes, name: str) -> dict[str, Header | None]:
         for key, variable in _read_start(element, order):
             if key in found:
                 raise Unreadable(f"{name}: {_SAME_NAME}")
-            if variable.kind == "struct":
+            if _may_hold_light_field(variable, order):
                 found[key] = None
             elif variable.kind not in ("cell", "object", "char", "sparse"):
                 size = np.dtype(_TYPES.get(variable.kind, "u1")).itemsize
@@ -131,11 +160,18 @@ def list_headers(data: bytes, name: str) -> dict[str, Header | None]:
 
 
 def list_inner_shapes(data: bytes, name: str, limits: Limits) -> dict[str, tuple[int, ...]]:
-    """The shapes of the fields of structs, and of those of structs in them; nothing else is unpacked."""
+    """The shapes of the fields of structs, and of those of structs in them, and of the views in cells; nothing else is
+    unpacked.
+    """
     order = _find_order(data)
-    matrices = _unpack(data, order, name, limits, only="struct")
-    fields = (field for matrix in matrices for field in _read_fields(matrix, order, hdf5.LEVELS))
-    return {key: variable.shape for key, variable in fields}
+    found: dict[str, Variable] = {}
+    shapes: dict[str, tuple[int, ...]] = {}
+    for matrix in _unpack(data, order, name, limits, is_inner=True):
+        fields = dict(_read_fields(matrix, order, hdf5.LEVELS))
+        shapes |= {key: field.shape for key, field in fields.items()}
+        found |= dict(_read_variable(matrix, order)) | fields
+    views, _ = find_views(_describe_cells(found, order))
+    return shapes | {key: inner.shape for key, inner in views.items() if inner.cell.is_read}
 
 
 def read_array(data: bytes, key: str, name: str, limits: Limits) -> NDArray[Any]:
@@ -147,6 +183,15 @@ def read_array(data: bytes, key: str, name: str, limits: Limits) -> NDArray[Any]
                 variable.find_type(name)
                 return variable.read(order, name)
     raise KeyError(key)
+
+
+def _describe_cells(variables: Mapping[str, Variable], order: str) -> dict[str, CellArray]:
+    return {key: found.describe_cells(order) for key, found in variables.items() if found.kind == "cell"}
+
+
+def _may_hold_light_field(variable: Variable, order: str) -> bool:
+    """Whether it is a struct, or has cells that may be views, by the start of its element."""
+    return variable.kind == "struct" or (variable.kind == "cell" and variable.describe_cells(order).may_hold_views)
 
 
 def _find_order(data: bytes) -> str:
@@ -163,13 +208,14 @@ def _read_start(element: tuple[int, memoryview], order: str) -> Iterator[tuple[s
         yield from _read_variable(body[:_START_BYTES], order)
 
 
-def _unpack(data: bytes, order: str, name: str, limits: Limits, *, only: str = "") -> Iterator[memoryview]:
-    """The body of each variable's element, of those of class `only` if that is given. Raises `TooLarge` before what is
-    packed takes its memory.
+def _unpack(data: bytes, order: str, name: str, limits: Limits, *, is_inner: bool = False) -> Iterator[memoryview]:
+    """The body of each variable's element; `is_inner` leaves out those in which no light field may be. Raises
+    `TooLarge` before what is packed takes its memory.
     """
     allowed = left = min(limits.bytes, max(2**20, len(data) * limits.ratio))
     for kind, element in _split(memoryview(data)[_HEADER_BYTES:], order):
-        if only and not any(variable.kind == only for _, variable in _read_start((kind, element), order)):
+        starts = _read_start((kind, element), order) if is_inner else ()
+        if is_inner and not any(_may_hold_light_field(variable, order) for _, variable in starts):
             continue
         if kind == _COMPRESSED:
             stream, unpacked = zlib.decompressobj(), bytearray()
@@ -203,10 +249,11 @@ def _read_variable(matrix: memoryview, order: str) -> Iterator[tuple[str, Variab
     flags, sizes, key, *samples = islice(_split(matrix, order), 4)
     (number,) = struct.unpack_from(f"{order}I", flags[1])
     if 1 <= number & 0xFF <= len(_CLASSES):
-        kind = hdf5.LOGICAL if number & _LOGICAL else _CLASSES[(number & 0xFF) - 1]
+        kind = LOGICAL if number & _LOGICAL else _CLASSES[(number & 0xFF) - 1]
         kind = f"complex {kind}" if number & _COMPLEX else kind
         shape = tuple(np.frombuffer(sizes[1], f"{order}i4").tolist())
-        yield bytes(key[1]).decode("latin-1"), Variable(kind, shape, *(samples[0] if samples else ()))
+        type_, stored = samples[0] if samples else (0, b"")
+        yield bytes(key[1]).decode("latin-1"), Variable(kind, shape, type_, stored, matrix)
 
 
 def _read_fields(matrix: memoryview, order: str, levels: int) -> Iterator[tuple[str, Variable]]:

@@ -108,10 +108,11 @@ def holds_light_field(shapes: Mapping[str, Sequence[int]]) -> bool:
     return len(shapes.get("LF", ())) in (4, 5) or any(len(shape) == 5 for shape in shapes.values())
 
 
-def find_light_field(shapes: Mapping[str, Sequence[int]], name: str, remedy: str) -> str:
+def find_light_field(shapes: Mapping[str, Sequence[int]], name: str, remedy: str, cells: str = "") -> str:
     """Of a file's arrays `LF`, or else the only one with five axes.
 
-    Raises `Unreadable` where there is none, with the `remedy`, and where there are several.
+    Raises `Unreadable` where there is none, with the `remedy` and why `cells` hold no views, and where there are
+    several.
     """
     if len(shapes.get("LF", ())) in (4, 5):
         return "LF"
@@ -121,13 +122,17 @@ def find_light_field(shapes: Mapping[str, Sequence[int]], name: str, remedy: str
     if found:
         listed = ", ".join(map(clean_text, found[:5]))
         raise Unreadable(f"{name}: {len(found)} arrays have five axes ({listed}); name the light field LF")
-    listed = ", ".join(f"{clean_text(key)} {_show_shape(shapes[key])}".strip() for key in list(shapes)[:5])
+    shapes = {key: shape for key, shape in shapes.items() if not key.startswith("#")}  # MATLAB's own, such as #refs#
+    listed = ", ".join(f"{clean_text(key)} {show_shape(shapes[key])}".strip() for key in list(shapes)[:5])
     if any(has_axes_of_picture(shape) or has_axes_of_picture(shape[::-1]) for shape in shapes.values()):
         remedy += ", or an elemental image array, (H, W) or (H, W, C), beside no other pictures, in no struct or group"
+    if cells:
+        listed, remedy = f"{listed}; {cells}", f"pictures of one size and class in several cells, or {remedy}"
     raise Unreadable(f"{name}: holds {listed or 'nothing'}; give {remedy}")
 
 
-def _show_shape(shape: Sequence[int]) -> str:
+def show_shape(shape: Sequence[int]) -> str:
+    """`480x640x3`, for messages."""
     return "x".join(map(str, shape))[:60]
 
 
@@ -148,7 +153,7 @@ def check_array(name: str, shape: Sequence[int], dtype: DTypeLike, limits: Limit
     shape, `TooLarge` over `limits`.
     """
     dtype = np.dtype(dtype)
-    what = f"{name}: an array {_show_shape(shape)} of {str(dtype)[:40]}"
+    what = f"{name}: an array {show_shape(shape)} of {str(dtype)[:40]}"
     if not is_type_read(dtype):
         raise UnsupportedType(f"{what}; give {NEEDED_TYPES}")
     if len(shape) != 5 or min(shape) < 1 or shape[4] > 4:

@@ -64,9 +64,12 @@ def npz_arrays() -> list[bytes]:
 
 
 def mat() -> list[bytes]:
-    """Version 5, plain and packed, of integers and fractions; version 7.3."""
+    """Version 5, plain and packed, of integers and fractions, and of views in cells; version 7.3."""
+    cells = np.empty(VIEWS.shape[:2], object)
+    for view in np.ndindex(cells.shape):
+        cells[view] = VIEWS[view]
     made = []
-    for is_packed, views in ((False, VIEWS), (True, VIEWS), (True, VIEWS / 255)):
+    for is_packed, views in ((False, VIEWS), (True, VIEWS), (True, VIEWS / 255), (False, cells)):
         buffer = io.BytesIO()
         savemat(buffer, {"other": 3.0, "LF": views}, do_compression=is_packed)
         made.append(VERSION_5.ljust(116) + buffer.getvalue()[116:])  # without the date
@@ -74,17 +77,26 @@ def mat() -> list[bytes]:
 
 
 def hdf5() -> list[bytes]:
-    """As MATLAB, the HCI data set, h5py and BasicLFSR write it."""
+    """As MATLAB, the HCI data set, h5py and BasicLFSR write it, and views in MATLAB's cells."""
 
     def fill_hci(file: h5py.File) -> None:
         file["LF"] = VIEWS
         file.attrs["dH"] = 0.1
+
+    def fill_cells(file: h5py.File) -> None:
+        cells = file.create_dataset("LF", VIEWS.shape[1::-1], h5py.ref_dtype)
+        cells.attrs["MATLAB_class"] = np.bytes_("cell")
+        for v, u in np.ndindex(VIEWS.shape[:2]):
+            stored = file.create_dataset(f"#refs#/{v}{u}", data=VIEWS[v, u].T)
+            stored.attrs["MATLAB_class"] = np.bytes_("uint8")
+            cells[u, v] = stored.ref
 
     return [
         _fill(lambda file: file.create_dataset("LF", data=VIEWS.T, compression="gzip", shuffle=True)),
         _fill(fill_hci),
         _fill(lambda file: file.create_dataset("a", data=VIEWS / 255, fletcher32=True)),
         _fill(lambda file: file.create_dataset("Hr_SAI_y", data=np.linspace(0, 1, 150).reshape(15, 10))),
+        _fill(fill_cells),
     ]
 
 
