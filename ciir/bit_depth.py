@@ -59,7 +59,7 @@ def lower_levels(picture: NDArray[Any], unused: int) -> NDArray[Any]:
 
 def round_to_depth(picture: NDArray[Any], depth: np.dtype[Any]) -> NDArray[Any]:
     """`picture` of 16 bits in the type `depth`: the same array for 16 bits; for 8 its levels, which are 257 times as
-    large, rounded to the nearest (of which 0.498 is one up).
+    large, rounded to the nearest; a fraction of 128/257 counts as a half.
     """
     if depth != np.uint8:
         return picture

@@ -269,7 +269,7 @@ def _read_view(view: Any) -> View:
 
 
 def _is_pair(value: Any) -> bool:
-    """Whether it is two numbers; True is none."""
+    """Whether it is two numbers; True and False are not numbers here."""
     if not isinstance(value, tuple | list | np.ndarray) or len(value) != 2:
         return False
     return all(isinstance(each, Real) and not isinstance(each, bool) for each in value)

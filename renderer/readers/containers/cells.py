@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ciir.renderer.readers.containers.samples import check_array, is_type_read, settle_grid, show_shape
+from ciir.renderer.readers.containers.samples import (
+    check_array,
+    has_axes_of_picture,
+    is_type_read,
+    settle_grid,
+    show_shape,
+)
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
@@ -24,10 +30,8 @@ LOGICAL = "logical"
 NO_SAMPLES = np.dtype("V1")
 """The type of samples that are not read."""
 _NUMBERS = (LOGICAL, "single", "double", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))
-_SIDE = 3
-"""Pixels along the sides of a view, at least: smaller arrays are others, such as parameters."""
 _MOST_CELLS = 2500
-"""Cells of a file that are looked at, such as 50x50: HDF5 takes 0.3 ms for each."""
+"""Cells of a file that are looked at, such as 50x50: HDF5 takes about 1 ms to read each."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +48,7 @@ class Cell:
     @property
     def is_picture(self) -> bool:
         """Whether it has the class, the axes and the size of a view; the class may be one that is not read."""
-        axes = len(self.shape) == 2 or (len(self.shape) == 3 and 1 <= self.shape[2] <= 4)
-        return self.kind in _NUMBERS and axes and min(self.shape[:2]) >= _SIDE
+        return self.kind in _NUMBERS and has_axes_of_picture(self.shape)
 
     @property
     def is_read(self) -> bool:
@@ -74,7 +77,7 @@ class CellArray:
 
     def compare_cells(self, name: str, most: int) -> tuple[Cell, int, str]:
         """The first cell, the number of pictures like it that begin the array `name`, and what ends them: empty where
-        all cells are such. Of more than `most` cells none is looked at.
+        all cells are such. Of more than `most` cells only the first is looked at.
         """
         count, number, first = math.prod(self.shape), 0, Cell()
         if min(self.shape) < 1:
@@ -82,6 +85,7 @@ class CellArray:
         if count == 1:
             return first, 0, f"{name} has only one cell, and an elemental image array must be an array, in no cell"
         if count > most:
+            first = next(iter(self.cells), Cell())
             return first, 0, f"{name} has {count:,} cells, and at most {_MOST_CELLS:,} of a file are looked at"
         for number, cell in enumerate(self.cells, 1):
             first = cell if number == 1 else first
@@ -89,7 +93,7 @@ class CellArray:
                 column, row = divmod(number - 1, self.shape[0])
                 other = f"but {name}{{1,1}} is {first}" if cell.is_picture else "not a picture"
                 return first, number - 1, f"{name}{{{row + 1},{column + 1}}} is {cell}, {other}"
-        return first, number, "" if number == count else f"cells of {name} are packed or cut off"
+        return first, number, "" if number == count else f"cells of {name} are cut off, or references to them packed"
 
 
 @dataclass(frozen=True)
@@ -125,9 +129,11 @@ class Views:
 def find_views(arrays: Mapping[str, CellArray]) -> tuple[dict[str, Views], str]:
     """Those of a file's cell arrays that hold views, and for messages why another one doesn't: the one most like them.
 
-    Where some have samples of a type that is read, only those. `LF` is looked at first.
+    Where some have samples of a type that is read, only those. `LF` is looked at first. Beside those found, arrays that
+    begin with a picture and have more cells than are looked at count as well, so that none is taken by chance.
     """
     found: dict[str, Views] = {}
+    unknown: dict[str, Views] = {}
     reasons: list[tuple[int, str]] = []
     left = _MOST_CELLS
     for key, array in sorted(arrays.items(), key=lambda item: item[0] != "LF"):
@@ -136,7 +142,9 @@ def find_views(arrays: Mapping[str, CellArray]) -> tuple[dict[str, Views], str]:
             left -= number
             if reason:
                 reasons.append((number, reason))
+                unknown |= {key: Views(array.shape, first)} if first.is_picture and not number else {}
             else:
                 found[key] = Views(array.shape, first)
     _, reason = max(reasons, key=lambda known: known[0], default=(0, ""))
-    return {key: views for key, views in found.items() if views.cell.is_read} or found, reason
+    found = {key: views for key, views in found.items() if views.cell.is_read} or found
+    return found and found | unknown, reason

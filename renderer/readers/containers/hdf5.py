@@ -116,7 +116,8 @@ def _describe_cell(found: h5py.Dataset | None) -> Cell:
 
 def _find_shapes_in_groups(file: h5py.File, keys: Sequence[str]) -> dict[str, tuple[int, ...]]:
     """The shapes of what lies in those of `keys` that are groups of the file itself, by `GROUP/NAME`."""
-    groups = [key for key in keys if isinstance(file.get(key, getlink=True), h5py.HardLink)]
+    plain = (key for key in keys if not key.startswith("#"))  # as MATLAB's #refs#, to which its cells refer
+    groups = [key for key in plain if isinstance(file.get(key, getlink=True), h5py.HardLink)]
     inner = (f"{key}/{name}" for key in groups if isinstance(file[key], h5py.Group) for name in file[key])
     return {key: find_shape(file, key) for key in islice(inner, _MOST_NAMES)}
 

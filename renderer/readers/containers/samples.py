@@ -127,7 +127,10 @@ def find_light_field(shapes: Mapping[str, Sequence[int]], name: str, remedy: str
     if any(has_axes_of_picture(shape) or has_axes_of_picture(shape[::-1]) for shape in shapes.values()):
         remedy += ", or an elemental image array, (H, W) or (H, W, C), beside no other pictures, in no struct or group"
     if cells:
-        listed, remedy = f"{listed}; {cells}", f"pictures of one size and class in several cells, or {remedy}"
+        listed, remedy = (
+            f"{listed}; {cells}",
+            f"pictures of one size and class, {PICTURE_SIDE}x{PICTURE_SIDE} or more, in several cells, or {remedy}",
+        )
     raise Unreadable(f"{name}: holds {listed or 'nothing'}; give {remedy}")
 
 

@@ -72,6 +72,22 @@ def test_the_noisier_the_less_is_undone(make_small):
     assert gains[-1] == 0
 
 
+def test_differences_of_means_count_from_three_standard_errors():
+    fine = make_fine(60, 40)
+    noise = 2 * np.random.default_rng(1).normal(size=(60, 40, 1))
+    found = find_sampling(fine, np.clip(np.rint(average_down(fine) + noise), 0, 255).astype(np.uint8))
+    assert found.kind == "means"
+    assert found.noise == pytest.approx(3 * 2 / 255, rel=0.1)  # of 2,000 pixels, and rounded
+
+
+def test_16_bits_are_compared_with_the_same_levels_of_8():
+    """What fits to the level is neither kind, and stays."""
+    small = make_fine(60, 40)
+    large = 257 * small.astype(np.uint16).repeat(2, axis=0).repeat(2, axis=1)
+    assert find_sampling(large, small) is None
+    assert np.abs(restore_luma(large, small, "means").astype(int) - large).max() <= 1  # of 65,535
+
+
 def test_between_filter_and_means_the_likeness_falls_and_rises():
     fine = make_fine(60, 40)
     ends = filter_down(fine).astype(float), average_down(fine).astype(float)

@@ -108,7 +108,7 @@ def test_each_cell_is_a_view(save, convert):
 
 @given(
     st.sampled_from([save_mat5, save_mat5_packed, save_mat73]),
-    st.tuples(*[st.integers(1, 3)] * 2, *[st.integers(3, 6)] * 2, st.sampled_from([1, 3])),
+    st.tuples(*[st.integers(1, 3)] * 2, *[st.integers(16, 19)] * 2, st.sampled_from([1, 3])),
     st.sampled_from(["u1", "u2"]),
 )
 def test_cells_are_read_as_the_array(save, shape, dtype):
@@ -191,6 +191,8 @@ def test_views_come_before_an_elemental_image_array(save, tmp_path):
         list_cells(EIA, EIA[:-1]),
         list_cells(EIA, EIA / 255),
         list_cells(EIA, EMPTY),
+        list_cells(*[np.eye(3, 4)] * 5),
+        list_cells(*[EIA[:15, :15]] * 4),
         list_cells(list_cells(EIA, EIA), list_cells(EIA, EIA)),
         make_cells(VIEWS > 99),
         make_cells(VIEWS.astype(np.int16)),
@@ -271,6 +273,9 @@ def test_what_cells_unpack_to_is_limited():
 def test_a_bounded_number_of_cells_is_looked_at(save, monkeypatch):
     monkeypatch.setattr(cell_arrays, "_MOST_CELLS", 8)
     np.testing.assert_array_equal(read(save(A=list_cells(*[EIA] * 6), LF=make_cells(VIEWS))).views, VIEWS)
+    for names in (("a", "b"), ("b", "a")):
+        with pytest.raises(Unreadable, match=r"2 arrays have five axes \([ab], [ab]\); name the light field LF"):
+            read(save(**dict.fromkeys(names, make_cells(VIEWS))))
     with pytest.raises(
         Unreadable, match=r"LF 3x3; LF has 9 cells, and at most 8 of a file are looked at; give .* LF w"
     ):
@@ -350,7 +355,7 @@ def test_references_to_anything_but_a_data_set_of_its_own(change):
 
 
 def test_references_that_are_packed_or_cut_off():
-    with pytest.raises(Unreadable, match=r"views 2x3; cells of views are packed or cut off"):
+    with pytest.raises(Unreadable, match=r"views 2x3; cells of views are cut off, or references to them packed"):
         read(edit(lambda *_: None, compression="gzip"))
 
 
