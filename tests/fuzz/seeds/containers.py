@@ -67,7 +67,7 @@ def mat() -> list[bytes]:
     """Version 5, plain and packed, of integers and fractions, and of views in cells; version 7.3."""
     cells = np.empty(VIEWS.shape[:2], object)
     for view in np.ndindex(cells.shape):
-        cells[view] = VIEWS[view]
+        cells[view] = VIEWS[view].repeat(16, axis=0).repeat(16, axis=1)  # as large as views in cells must be
     made = []
     for is_packed, views in ((False, VIEWS), (True, VIEWS), (True, VIEWS / 255), (False, cells)):
         buffer = io.BytesIO()
@@ -87,7 +87,7 @@ def hdf5() -> list[bytes]:
         cells = file.create_dataset("LF", VIEWS.shape[1::-1], h5py.ref_dtype)
         cells.attrs["MATLAB_class"] = np.bytes_("cell")
         for v, u in np.ndindex(VIEWS.shape[:2]):
-            stored = file.create_dataset(f"#refs#/{v}{u}", data=VIEWS[v, u].T)
+            stored = file.create_dataset(f"#refs#/{v}{u}", data=VIEWS[v, u].repeat(16, axis=0).repeat(16, axis=1).T)
             stored.attrs["MATLAB_class"] = np.bytes_("uint8")
             cells[u, v] = stored.ref
 
