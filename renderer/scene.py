@@ -17,12 +17,14 @@ SOLID = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """A picture on a surface, sampled bilinearly at its full resolution (no mipmaps)."""
+    """A picture on a surface, sampled at its full resolution (no mipmaps)."""
 
     pixels: NDArray[np.uint8]
     """`(h, w, 4)` RGBA, display-referred (sRGB) 8-bit values, first row at the top."""
     wrap_u: Wrap = "repeat"
     wrap_v: Wrap = "repeat"
+    is_nearest: bool = False
+    """Whether a point has the colour of the nearest texel, as pixel art; else those around it are interpolated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +46,10 @@ class Part:
     """Whether alpha is the share of what lies behind a point that it hides; blended in display-referred values."""
     back_colors: NDArray[np.float32] | None = None
     """`(n, 3)` RGB of the back, from which corners run clockwise; None where both sides look alike."""
+    hides_back: bool = False
+    """Whether the back is not there: what lies behind it is seen."""
+    is_linear: bool = False
+    """Whether RGB is linear, so that it is interpolated as light; it is encoded before the texture is multiplied."""
 
     def used_vertices(self) -> NDArray[np.float64]:
         """`(k, 3)`: the vertices that a triangle uses."""

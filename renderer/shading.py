@@ -16,8 +16,10 @@ if TYPE_CHECKING:
 LIGHT = np.array([-0.4, 0.6, 0.7]) / np.sqrt(0.4**2 + 0.6**2 + 0.7**2)
 """Unit direction towards the light in the world: upper left front."""
 AMBIENT, DIFFUSE = 0.6, 0.4
-CREASE_DEGREES = 40.0
-"""A face at a larger angle to the smooth normal at its corner keeps its own normal there."""
+CREASE = 40.0
+"""A face at a larger angle, degrees, to the smooth normal at its corner keeps its own normal there."""
+FLAT = 0.1
+"""The crease with which every face keeps its own normal, but for rounding."""
 
 
 def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -64,12 +66,12 @@ def number_positions(vertices: NDArray[np.float64]) -> tuple[NDArray[np.intp], i
 
 
 def compute_normals(
-    vertices: NDArray[np.float64], faces: NDArray[np.integer]
+    vertices: NDArray[np.float64], faces: NDArray[np.integer], crease: float = CREASE
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Computes smooth normals, with creases, for a mesh that has none.
 
     A corner takes the angle-weighted mean of the normals of all faces at its position (Thuermer and Wuethrich 1998).
-    Where its own face's normal is more than `CREASE_DEGREES` from that it takes the face's, and the vertex is split.
+    Where its own face's normal is more than `crease` degrees from that it takes the face's, and the vertex is split.
 
     Returns `(source, faces, normals)`: the old vertex of each new one, `(k,)`; faces `(m, 3)` on the new vertices; and
     unit normals `(k, 3)`. The first n of the k new vertices are the old ones. No face may have zero area.
@@ -87,7 +89,7 @@ def compute_normals(
     smooth = normalize(np.stack(total, axis=1))  # (places, 3)
 
     agreement = np.einsum("mci,mi->mc", smooth[corner_place], face_normals)
-    own = np.flatnonzero((agreement < np.cos(np.radians(CREASE_DEGREES))).ravel())
+    own = np.flatnonzero((agreement < np.cos(np.radians(crease))).ravel())
     split = faces.astype(np.int64).ravel()
     source = np.concatenate([np.arange(len(vertices)), split[own]])
     split[own] = len(vertices) + np.arange(len(own))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from ciir.errors import InvalidGeometry, NothingVisible, TooLarge, Unreadable
 from ciir.renderer.copies import MAX_COPIED, place_copies
 from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.scene import Part, Scene, Texture
-from ciir.renderer.shading import LIGHT, compute_normals, normalize, shade
+from ciir.renderer.shading import CREASE, LIGHT, compute_normals, decode_srgb, normalize, shade
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -23,6 +23,7 @@ MAX_COORDINATE = 1e9
 """Largest absolute coordinate, in the file's own units."""
 MAX_TEXTURE_COORDINATE = 1e4
 """Largest absolute texture coordinate: beyond it float32 no longer separates neighbouring pixels."""
+Back = Literal["front", "lit", "hidden"]
 Color = tuple[float, float, float, float]
 """RGBA, display-referred, [0, 1]."""
 WHITE: Color = (1.0, 1.0, 1.0, 1.0)
@@ -41,6 +42,8 @@ class Surface:
     """`(m, 3)`."""
     normals: NDArray[np.float64] | None = None
     """`(n, 3)`, of any length; None to compute them."""
+    crease: float = CREASE
+    """Of normals that are computed, degrees: as of `compute_normals`."""
     color: Color = WHITE
     colors: NDArray[np.float32] | None = None
     """Vertex colours `(n, 4)`, display-referred, [0, 1]; None for white."""
@@ -51,8 +54,11 @@ class Surface:
     is_see_through: bool = False
     lit: bool = True
     """False for a material that is not shaded."""
-    is_double_sided: bool = False
-    """Whether the back is lit with reversed normals; else both sides look as the front."""
+    back: Back = "front"
+    """What is seen from behind, where corners run clockwise: the same as from the front, the same lit with reversed
+    normals, or nothing."""
+    is_interpolated_linearly: bool = False
+    """Whether colours between vertices are means of linear ones; else of display-referred ones."""
     copies: NDArray[np.float64] | None = None
     """`(k, 4, 4)`: the matrix of each copy in the scene; None for one surface where its vertices are."""
 
@@ -192,8 +198,8 @@ def _select_vertices(surface: Surface, index: NDArray[np.integer], faces: NDArra
 
 
 def _add_normals(surfaces: list[Surface]) -> list[Surface]:
-    """All surfaces with unit normals. Those of surfaces without any are computed over all together, so that there are
-    no seams between materials, but of each that is copied by itself.
+    """All surfaces with unit normals. Those of surfaces without any are computed over all of a crease together, so that
+    there are no seams between materials, but of each that is copied by itself.
     """
     for i, surface in enumerate(surfaces):
         if surface.normals is not None:
@@ -201,22 +207,25 @@ def _add_normals(surfaces: list[Surface]) -> list[Surface]:
             usable = bool(normals.any(axis=1).all())
             surfaces[i] = replace(surface, normals=normals if usable else None)
     bare = [i for i, surface in enumerate(surfaces) if surface.normals is None and surface.lit]
-    for group in [
-        [i for i in bare if surfaces[i].copies is None],
-        *([i] for i in bare if surfaces[i].copies is not None),
-    ]:
-        if group:
-            _compute_normals(surfaces, group)
+    together: dict[float, list[int]] = {}
+    for i in bare:
+        if surfaces[i].copies is None:
+            together.setdefault(surfaces[i].crease, []).append(i)
+        else:
+            _compute_normals(surfaces, [i])
+    for group in together.values():
+        _compute_normals(surfaces, group)
     return surfaces
 
 
 def _compute_normals(surfaces: list[Surface], bare: list[int]) -> None:
-    """Gives the surfaces `bare` normals, computed over all of them."""
+    """Gives the surfaces `bare` normals, computed over all of them, with the crease of the first."""
     vertex_start = np.cumsum([0] + [len(surfaces[i].vertices) for i in bare])
     face_start = np.cumsum([0] + [len(surfaces[i].faces) for i in bare])
     source, faces, normals = compute_normals(
         np.concatenate([surfaces[i].vertices for i in bare]),
         np.concatenate([surfaces[i].faces + start for i, start in zip(bare, vertex_start, strict=False)]),
+        surfaces[bare[0]].crease,
     )
     for n, i in enumerate(bare):
         own = faces[face_start[n] : face_start[n + 1]]
@@ -232,9 +241,13 @@ def _bake_light(surface: Surface, light: NDArray[np.float64]) -> Part:
         colors *= surface.colors
     back_colors = None
     if surface.lit and surface.normals is not None:
-        if surface.is_double_sided:
+        if surface.back == "lit":
             back_colors = np.clip(colors[:, :3] * shade(-surface.normals, light)[:, None], 0.0, 1.0)
         colors[:, :3] *= shade(surface.normals, light)[:, None]
+    colors = np.clip(colors, 0.0, 1.0)
+    if surface.is_interpolated_linearly:
+        colors[:, :3] = decode_srgb(colors[:, :3])
+        back_colors = None if back_colors is None else decode_srgb(back_colors)
     texture = None if surface.uv is None else surface.texture
     # Many exporters call materials see-through that are opaque throughout.
     is_see_through = surface.is_see_through and bool(
@@ -245,22 +258,25 @@ def _bake_light(surface: Surface, light: NDArray[np.float64]) -> Part:
     return Part(
         vertices=surface.vertices,
         faces=surface.faces.astype(np.int32),
-        colors=np.clip(colors, 0.0, 1.0),
+        colors=colors,
         back_colors=back_colors,
         uv=surface.uv.astype(np.float32) if texture is not None and surface.uv is not None else None,
         texture=texture,
         alpha_cutoff=surface.alpha_cutoff,
         is_see_through=is_see_through,
+        hides_back=surface.back == "hidden",
+        is_linear=surface.is_interpolated_linearly,
     )
 
 
 def _join_parts(parts: list[Part]) -> tuple[Part, ...]:
-    """One part for each texture, kind of alpha and number of sides; all else is in the vertices. Each costs a backend
-    time.
+    """One part for each texture, kind of alpha, of back and of colours; all else is in the vertices. Each costs a
+    backend time.
     """
-    groups: dict[tuple[int, float | None, bool, bool], list[Part]] = {}
+    groups: dict[tuple[Any, ...], list[Part]] = {}
     for part in parts:
-        key = id(part.texture), part.alpha_cutoff, part.is_see_through, part.back_colors is None
+        back = part.back_colors is None, part.hides_back
+        key = id(part.texture), part.alpha_cutoff, part.is_see_through, back, part.is_linear
         groups.setdefault(key, []).append(part)
     return tuple(_concatenate_parts(group) for group in groups.values())
 
@@ -278,4 +294,6 @@ def _concatenate_parts(parts: list[Part]) -> Part:
         texture=parts[0].texture,
         alpha_cutoff=parts[0].alpha_cutoff,
         is_see_through=parts[0].is_see_through,
+        hides_back=parts[0].hides_back,
+        is_linear=parts[0].is_linear,
     )

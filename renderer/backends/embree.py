@@ -14,6 +14,7 @@ from ciir.cores import count_available_cores
 from ciir.renderer.backends.interface import Backend
 from ciir.renderer.backends.textures import sample_texture
 from ciir.renderer.scene import SOLID
+from ciir.renderer.shading import encode_srgb
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -34,13 +35,13 @@ RAYS_PER_BATCH = 1 << 14
 RAYS_AT_ONCE = 1 << 17
 """Of views that are cast together, at most, but for a single view; the next ones are cast meanwhile."""
 MAX_LAYERS = 64
-"""Most cut-out or see-through surfaces that one ray may pass; it ends there, with a note."""
+"""Most cut-out or see-through surfaces, and hidden backs, that one ray may pass; it ends there, with a note."""
 HIDDEN = 1 / 8192
 """Share of the light from behind at which a ray ends: less changes no 8-bit value by a thirtieth."""
 EXTENT = 100.0
 """Half the scene's longest side in Embree's coordinates: its float32 tests lose digits on tiny triangles."""
 STEP = 4e-6 * EXTENT
-"""How far behind a cut-out or see-through point a ray continues: about 50 spacings of float32 at `EXTENT`."""
+"""How far behind a point that it passes a ray continues: about 50 spacings of float32 at `EXTENT`."""
 ROUNDING = 1e-6
 """By how much an alpha in float32 may fall below that of all corners of its triangle, where they have the same."""
 PASSED = (
@@ -79,6 +80,8 @@ class PreparedScene:
         self.part = np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts])  # (m,)
         self.cutoff = np.array([part.alpha_cutoff or 0.0 for part in parts]) - ROUNDING  # (parts,)
         self.is_see_through = np.array([part.is_see_through for part in parts])  # (parts,)
+        self._hides_back = np.array([part.hides_back for part in parts])  # (parts,)
+        self._is_linear = np.array([part.is_linear for part in parts])  # (parts,)
         self._lets_through = bool(self.is_see_through.any() or (self.cutoff > 0).any())
         self._embree = EmbreeScene()
         self._mesh = TriangleMesh(self._embree, self._to_embree(vertices), self.faces)
@@ -94,10 +97,37 @@ class PreparedScene:
         self, origins: NDArray[np.float32], directions: NDArray[np.float32]
     ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
         """Triangle of each ray's first hit or -1, its barycentric coordinates u and v there, and its distance, `(n,)`
-        each. Other threads run meanwhile.
+        each. Rays pass backs that are hidden. Other threads run meanwhile.
         """
         hit = self._embree.run(origins, directions, output=1)
-        return hit["primID"], hit["u"], hit["v"], hit["tfar"]
+        found = hit["primID"], hit["u"], hit["v"], hit["tfar"]
+        if not self._hides_back.any():
+            return found
+        onward = self._find_hidden(hit["primID"], hit["Ng"], directions)
+        for _ in range(MAX_LAYERS):
+            if not len(onward):
+                return found
+            passed = found[3][onward] + np.float32(STEP)
+            along = directions[onward]
+            hit = self._embree.run(origins[onward] + passed[:, None] * along, along, output=1)
+            for values, key in zip(found, ("primID", "u", "v", "tfar"), strict=True):
+                values[onward] = hit[key]
+            found[3][onward] += passed
+            onward = onward[self._find_hidden(hit["primID"], hit["Ng"], along)]
+        found[0][onward] = -1
+        self.passed += len(onward)
+        return found
+
+    def _find_hidden(
+        self, triangle: NDArray[np.int32], normals: NDArray[np.float32], along: NDArray[np.float32]
+    ) -> NDArray[np.intp]:
+        """Which rays meet a back that is hidden. `normals`: of what each meets, `(n, 3)`, of any length."""
+        is_back = np.einsum("nk,nk->n", normals, along) > 0
+        if not is_back.any():  # the usual case: the object is closed
+            return np.flatnonzero(is_back)
+        back = np.flatnonzero(is_back & (triangle >= 0))
+        hidden: NDArray[np.intp] = back[self._hides_back[self.part[triangle[back]]]]
+        return hidden
 
     def _enter(
         self, origins: NDArray[np.float64], direction: NDArray[np.float64]
@@ -201,6 +231,9 @@ class PreparedScene:
             is_back = np.einsum("nk,nk->n", self._normals[triangle], along[hit]) > 0
             product[is_back] = np.einsum("nk,nkc->nc", weights[is_back], self._back[corners[is_back]])
         part = self.part.take(triangle)
+        if self._is_linear.any():
+            linear = self._is_linear[part]
+            product[linear, :3] = encode_srgb(product[linear, :3])
         for index in np.flatnonzero(np.bincount(part)):
             texture = self.textures[index]
             if texture is None:

@@ -190,8 +190,8 @@ def to_primitive(part: Part, middle: NDArray[np.float64]) -> pyrender.Primitive:
             source=pixels,
             source_channels="RGBA",
             sampler=pyrender.Sampler(
-                magFilter=GL.GL_LINEAR,
-                minFilter=GL.GL_LINEAR,
+                magFilter=GL.GL_NEAREST if part.texture.is_nearest else GL.GL_LINEAR,
+                minFilter=GL.GL_NEAREST if part.texture.is_nearest else GL.GL_LINEAR,
                 wrapS=WRAP[part.texture.wrap_u],
                 wrapT=WRAP[part.texture.wrap_v],
             ),
@@ -202,7 +202,11 @@ def to_primitive(part: Part, middle: NDArray[np.float64]) -> pyrender.Primitive:
         color_0=colors,
         normals=part.back_colors,  # the shader's `back_color`: nothing is lit here
         texcoord_0=None if part.uv is None else part.uv.astype(np.float32),
-        material=pyrender.MetallicRoughnessMaterial(baseColorTexture=texture, doubleSided=True),
+        material=pyrender.MetallicRoughnessMaterial(
+            baseColorTexture=texture,
+            baseColorFactor=[float(part.is_linear)] * 4,  # says so to the shader; the colour is in the vertices
+            doubleSided=not part.hides_back,
+        ),
     )
 
 

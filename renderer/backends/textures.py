@@ -1,4 +1,4 @@
-"""Bilinear texture sampling, as OpenGL's `GL_LINEAR` at level 0 defines it (OpenGL 3.3, section 3.8.11)."""
+"""Texture sampling, as OpenGL's `GL_LINEAR` and `GL_NEAREST` at level 0 define it (OpenGL 3.3, section 3.8.11)."""
 
 from __future__ import annotations
 
@@ -28,6 +28,11 @@ def sample_texture(texture: Texture, uv: NDArray[np.float32]) -> NDArray[np.floa
     Texel (row, column) has its centre at u = (column + 0.5) / width, v = 1 - (row + 0.5) / height.
     """
     height, width = texture.pixels.shape[:2]
+    if texture.is_nearest:
+        right, up = (np.floor(uv.astype(np.float64) * (width, height)).astype(np.int64)).T
+        row = wrap_indices(height - 1 - up, height, texture.wrap_v)
+        column = wrap_indices(right, width, texture.wrap_u)
+        return texture.pixels[row, column].astype(np.float32) / np.float32(255.0)
     x = uv[:, 0].astype(np.float64) * width - 0.5
     y = (1.0 - uv[:, 1].astype(np.float64)) * height - 0.5
     left, top = np.floor(x), np.floor(y)

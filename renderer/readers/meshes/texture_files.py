@@ -44,7 +44,7 @@ class Resolver:
         self._work_left = MOST_WORK * max_pixels  # pixels of corrupt ones count, too
         self._named: dict[str, list[str]] | None = None
         self._decoded: dict[tuple[str, bool], NDArray[np.uint8] | None] = {}
-        self._textures: dict[tuple[str, bool, Wrap, Wrap], Texture] = {}
+        self._textures: dict[tuple[str, bool, Wrap, Wrap, bool], Texture] = {}
 
     @property
     def notes(self) -> list[str]:
@@ -114,7 +114,7 @@ class Resolver:
         pixels = self._decoded[key, False]
         if pixels is None:
             return None
-        return self._textures.setdefault((key, False, wrap_u, wrap_v), Texture(pixels, wrap_u, wrap_v))
+        return self._textures.setdefault((key, False, wrap_u, wrap_v, False), Texture(pixels, wrap_u, wrap_v))
 
     def _mask(self, name: str | None, mask: str) -> NDArray[np.uint8] | None:
         from PIL import Image  # the web process does without
@@ -137,7 +137,15 @@ class Resolver:
         return pixels
 
     def decode_texture(
-        self, load: Callable[[], bytes | None], *, key: str, name: str, opaque: bool, wrap_u: Wrap, wrap_v: Wrap
+        self,
+        load: Callable[[], bytes | None],
+        *,
+        key: str,
+        name: str,
+        opaque: bool,
+        wrap_u: Wrap,
+        wrap_v: Wrap,
+        is_nearest: bool = False,
     ) -> Texture | None:
         """A texture of the picture whose bytes `load` returns; None with a note where it can't be read.
 
@@ -148,7 +156,8 @@ class Resolver:
         pixels = self._decoded[key, opaque]
         if pixels is None:
             return None
-        return self._textures.setdefault((key, opaque, wrap_u, wrap_v), Texture(pixels, wrap_u, wrap_v))
+        texture = Texture(pixels, wrap_u, wrap_v, is_nearest)
+        return self._textures.setdefault((key, opaque, wrap_u, wrap_v, is_nearest), texture)
 
     def _pixels(self, load: Callable[[], bytes | None], name: str, *, opaque: bool) -> NDArray[np.uint8] | None:
         def charge(height: int, width: int) -> None:

@@ -10,6 +10,7 @@ from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scene import Part, Scene, Texture
 from ciir.renderer.scenes import SCENES, load_scene
+from ciir.renderer.shading import encode_srgb
 from tests.support.backends import ARRAY, BACKENDS, find_disagreements, place_scene, require_backend
 
 MESHES = ["duck.glb", "spot/spot.obj", "fuze/fuze.obj", "milk-truck.glb"]
@@ -60,7 +61,7 @@ def test_the_comparison_notices(name, broken, monkeypatch):
     )
 
 
-def make_cut_outs(wrap):
+def make_cut_outs(wrap, *, is_nearest=False):
     """Two sheets at z = -30 and -40; the near one has holes where its texture's alpha times its vertices' is low."""
     y, x = np.mgrid[:48, :64]
     alpha = 127.5 + 127.5 * np.sin(x / 5.0) * np.cos(y / 6.0)
@@ -68,7 +69,7 @@ def make_cut_outs(wrap):
     corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     uv = (corners[:, :2] * 1.7 + 0.3).astype(np.float32)
-    texture = Texture(pixels, *wrap)
+    texture = Texture(pixels, *wrap, is_nearest)
     thin, solid = np.ones((4, 4), np.float32), np.ones((4, 4), np.float32)
     thin[:, 3] = [0.6, 0.8, 1.0, 0.7]
     solid[:, 3] = 0.1  # ignored without a cutoff
@@ -89,6 +90,25 @@ def test_cut_outs_and_wraps_agree(wrap):
     # A hole that is there in one alone, or another copy of the texture, is worth tens of grey levels.
     differ = np.abs(made[0].astype(int) - made[1]).max(-1) > 3
     assert differ.mean() < 0.003
+
+
+def test_nearest_texels_agree():
+    array = LensArray(160, 160, 3, 3, pitch=0.3125)
+    scene = make_cut_outs(("repeat", "mirror"), is_nearest=True)
+    drawn, cast = (next(iter(require_backend(name).render_views(scene, array, [(1, 1)]))) for name in BACKENDS)
+    # Texels are 2 to 3 pixels wide; only at their edges may one or the other be taken.
+    assert (np.abs(drawn.astype(int) - cast).max(-1) > 1).mean() < 0.01
+    assert len(np.unique(cast[..., 0])) <= 65  # the 64 texels of a row, and nothing
+
+
+@pytest.mark.parametrize("name", BACKENDS)
+def test_linear_colours_are_interpolated_as_light(name):
+    corners = np.array([[-20, -20, -30], [20, -20, -30], [20, 20, -30], [-20, 20, -30]], float)
+    black_to_white = np.float32([[0, 0, 0, 1], [1, 1, 1, 1], [1, 1, 1, 1], [0, 0, 0, 1]])
+    sheet = Part(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), black_to_white, is_linear=True)
+    (picture,) = require_backend(name).render_views(Scene((sheet,)), LensArray(5, 39, 1, 1), [(0, 0)])
+    expected = encode_srgb((np.arange(39) - 19) / 40 + 0.5) * 255
+    assert picture[2, :, 0] == pytest.approx(expected, abs=1)
 
 
 @pytest.mark.parametrize("name", BACKENDS)

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
     from ciir.renderer.readers.meshes.gltf.document import Document
     from ciir.renderer.scene import Texture, Wrap
+    from ciir.renderer.surface import Back
 
+_NEAREST = 9728
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
 
 TRANSMITTED = 0.9
@@ -50,7 +52,7 @@ class Material:
         if mode == "MASK":
             self.alpha_cutoff = min(max(float(entry.get("alphaCutoff", 0.5)), 0.0), 1.0)
         self._has_alpha = mode != "OPAQUE"
-        self.is_double_sided = entry.get("doubleSided") is True
+        self.back: Back = "lit" if entry.get("doubleSided") is True else "hidden"
         transmitted = self._transmitted()
         self.is_see_through = mode == "BLEND" or transmitted > 0
         if transmitted:
@@ -107,6 +109,7 @@ class Material:
             opaque=not self._has_alpha,
             wrap_u=_WRAPS.get(sampler.get("wrapS", 10497), "repeat"),
             wrap_v=_WRAPS.get(sampler.get("wrapT", 10497), "repeat"),
+            is_nearest=sampler.get("magFilter") == _NEAREST,
         )
 
 

@@ -11,7 +11,7 @@ from ciir.renderer.readers.meshes.geometry import add_alpha, normalise
 from ciir.renderer.readers.meshes.gltf.accessors import make_triangles, read_accessor
 from ciir.renderer.readers.meshes.gltf.materials import Material
 from ciir.renderer.readers.meshes.gltf.skins import bend
-from ciir.renderer.shading import encode_srgb
+from ciir.renderer.shading import FLAT, encode_srgb
 from ciir.renderer.surface import Surface
 
 if TYPE_CHECKING:
@@ -66,6 +66,7 @@ def read_primitive(
         vertices=vertices,
         faces=faces,
         normals=normals,
+        crease=FLAT,
         color=material.color,
         colors=None if color_0 is None or material.only_emits else to_display_colors(color_0),
         uv=None if texture is None else uv,
@@ -73,7 +74,8 @@ def read_primitive(
         alpha_cutoff=material.alpha_cutoff,
         is_see_through=material.is_see_through,
         lit=not material.is_unlit,
-        is_double_sided=material.is_double_sided,
+        back=material.back,
+        is_interpolated_linearly=color_0 is not None and not material.only_emits,
     )
 
 

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from ciir.renderer.readers import pictures
-from ciir.renderer.shading import encode_srgb
+from ciir.renderer.shading import decode_srgb, encode_srgb
 from tests.support.meshes import FRONT
 from tests.support.meshes.gltf import PIXELS, UV, Model
 from tests.support.meshes.ktx2 import UASTC
@@ -37,6 +37,13 @@ def test_texture_coordinates_as_normalised_integers_and_of_another_set() -> None
     assert part.uv.tolist() == [[0, 0], [1, 0], [1, 1], [0, 1]]
 
 
+@pytest.mark.parametrize("mag_filter", [None, 9728, 9729])
+def test_a_sampler_asks_for_the_nearest_texel(mag_filter: int | None) -> None:
+    sampler = {} if mag_filter is None else {"magFilter": mag_filter}
+    (part,) = Model(TEXCOORD_0=UV).texture(**sampler).read().parts
+    assert part.texture.is_nearest == (mag_filter == 9728)
+
+
 def test_texture_transform_scales_then_turns_then_shifts() -> None:
     model = Model(TEXCOORD_0=np.array([[1, 0], [0, 1], [0, 0], [1, 1]], np.float32)).texture()
     transform = {"offset": [0.25, 0.5], "rotation": np.pi / 2, "scale": [2, 3]}
@@ -49,13 +56,15 @@ def test_texture_transform_scales_then_turns_then_shifts() -> None:
 
 
 @pytest.mark.parametrize("color", [np.array([0.5, 1, 0, 1], np.float32), np.array([128, 255, 0], np.uint8)])
-def test_factors_and_vertex_colours_are_linear_and_go_through_the_curve(color: np.ndarray) -> None:
+def test_factors_and_vertex_colours_are_linear(color: np.ndarray) -> None:
     model = Model()
     model.primitive["attributes"]["COLOR_0"] = model.add(np.tile(color, (4, 1)), normalized=True)
     model.material["pbrMetallicRoughness"] = {"baseColorFactor": [0.2, 0.2, 1, 1]}
     (part,) = model.read().parts
     curve = encode_srgb(np.array([0.2, 128 / 255 if color.dtype == np.uint8 else 0.5]))
-    assert part.colors[0] == pytest.approx([curve[0] * curve[1] * FRONT, curve[0] * FRONT, 0, 1])
+    assert part.is_linear
+    lit = [*decode_srgb(np.array([curve[0] * curve[1] * FRONT, curve[0] * FRONT, 0])), 1]
+    assert part.colors[0] == pytest.approx(lit, abs=1e-6)
 
 
 @pytest.mark.parametrize(
