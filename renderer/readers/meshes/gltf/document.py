@@ -26,6 +26,7 @@ DECODED = {
     "EXT_meshopt_compression",
     "EXT_texture_webp",
     "KHR_draco_mesh_compression",
+    "KHR_materials_emissive_strength",
     "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_transmission",
     "KHR_materials_unlit",
@@ -65,6 +66,8 @@ class Document:
     """Buffer views that were decompressed, by index."""
     unpacked_bytes: int = 0
     """Of them all."""
+    black_textures: dict[int, bool] = field(default_factory=dict)
+    """Whether a texture is black throughout, by index, as far as that was needed."""
 
     def item(self, kind: str, index: object) -> dict[str, Any]:
         """`json[kind][index]`, an object. Raises `Unreadable` where there is none."""

@@ -19,6 +19,10 @@ _WRAPS: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
 
 TRANSMITTED = 0.9
 """Most of the light from behind that comes through clear glass: the rest stands for its reflections."""
+METAL = 0.25
+"""The largest specular colour of what is no metal, linear: gems have 0.17, metals 0.5 and more."""
+MAX_STRENGTH = 1e6
+"""The largest `emissiveStrength` that is told from larger ones."""
 
 
 class Material:
@@ -29,32 +33,32 @@ class Material:
         self._document = document
         self.extensions: dict[str, Any] = entry.get("extensions", {})
         metallic = entry.get("pbrMetallicRoughness", {})
-        glossy = self.extensions.get("KHR_materials_pbrSpecularGlossiness", {})
-        factor = glossy.get("diffuseFactor") if glossy else metallic.get("baseColorFactor")
-        linear = np.nan_to_num(np.array(factor or (1.0, 1.0, 1.0, 1.0), np.float64))  # JSON as Python reads it has NaN
+        glossy = self.extensions.get("KHR_materials_pbrSpecularGlossiness")
+        factor = metallic.get("baseColorFactor") if glossy is None else glossy.get("diffuseFactor")
+        linear = _read_linear(factor or (1, 1, 1, 1))
+        if glossy is not None:
+            self._add_specular(glossy, linear)
         red, green, blue = (float(value) for value in encode_srgb(linear[:3]))
         self.color = red, green, blue, float(np.clip(linear[3], 0.0, 1.0))
-        self._take_texture(glossy.get("diffuseTexture") if glossy else metallic.get("baseColorTexture"))
+        self._take_texture(metallic.get("baseColorTexture") if glossy is None else glossy.get("diffuseTexture"))
         mode, self.alpha_cutoff = entry.get("alphaMode", "OPAQUE"), None
+        self._has_alpha = self._texture_has_alpha = mode != "OPAQUE"
         self.is_unlit = "KHR_materials_unlit" in self.extensions
-        emitted = np.nan_to_num(np.array(entry.get("emissiveFactor", (0.0, 0.0, 0.0)), np.float64))[:3]
-        emits = not self.is_unlit and bool((emitted > 0).any())
-        self.only_emits = emits and mode == "OPAQUE" and len(emitted) == 3 and not any(self.color[:3])
+        emitted = self._read_emitted(entry)
+        emits = not self.is_unlit and bool(emitted.any())
+        self.only_emits = emits and len(emitted) == 3 and self._is_black()
         """Whether it is black but for the light that it emits, whose colour and texture are then its own, unlit."""
         if self.only_emits:
-            red, green, blue = (float(value) for value in encode_srgb(emitted))
-            self.color, self.is_unlit = (red, green, blue, self.color[3]), True
-            self._take_texture(entry.get("emissiveTexture"))
+            self._take_emitted(emitted, entry.get("emissiveTexture"))
         elif emits:
             document.resolver.add_note("light that a material emits is left out: its base colour is drawn")
         if mode == "MASK":
-            self.alpha_cutoff = min(max(float(entry.get("alphaCutoff", 0.5)), 0.0), 1.0)
-        self._has_alpha = mode != "OPAQUE"
+            self.alpha_cutoff = max(float(entry.get("alphaCutoff", 0.5)), 0.0)  # above 1 nothing is left
         self.is_double_sided = entry.get("doubleSided") is True
         transmitted = self._transmitted()
         self.is_see_through = mode == "BLEND" or transmitted > 0
         if transmitted:
-            self.color = red, green, blue, (self.color[3] if self._has_alpha else 1.0) * (1 - transmitted)
+            self.color = *self.color[:3], (self.color[3] if self._has_alpha else 1.0) * (1 - transmitted)
 
     def _take_texture(self, texture: dict[str, Any] | None) -> None:
         self._texture: Any = texture
@@ -62,6 +66,50 @@ class Material:
         channel = self._transform.get("texCoord", (texture or {}).get("texCoord", 0))
         self.texcoord = "" if texture is None else f"TEXCOORD_{channel}"
         """The attribute that holds the texture's coordinates; empty without a texture."""
+
+    def _add_specular(self, glossy: dict[str, Any], diffuse: NDArray[np.float64]) -> None:
+        """Gives `diffuse` the specular colour of a metal, of which it is black, with a note."""
+        specular = _read_linear(glossy.get("specularFactor", (0, 0, 0)))  # by default a mirror, which hides `diffuse`
+        if "specularGlossinessTexture" in glossy:
+            self._document.resolver.add_note(
+                "KHR_materials_pbrSpecularGlossiness: specular textures are left out, so that metals may be dark; "
+                "export it with metallic-roughness materials"
+            )
+        elif "diffuseTexture" not in glossy and specular.max() > METAL:
+            diffuse[:3] = np.maximum(diffuse[:3], specular)
+            self._document.resolver.add_note(
+                "KHR_materials_pbrSpecularGlossiness: metals are drawn in their specular colour"
+            )
+
+    def _read_emitted(self, entry: dict[str, Any]) -> NDArray[np.float64]:
+        """The emitted light, linear; over 1 it is scaled down, so that its hue stays."""
+        given = self.extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
+        strength = float(np.clip(np.nan_to_num(float(given)), 0.0, MAX_STRENGTH))
+        emitted = np.clip(_read_linear(entry.get("emissiveFactor", (0, 0, 0)))[:3], 0.0, 1.0) * strength
+        brightest: NDArray[np.float64] = emitted / max(1.0, emitted.max(initial=0.0))
+        return brightest
+
+    def _take_emitted(self, emitted: NDArray[np.float64], texture: dict[str, Any] | None) -> None:
+        """Replaces the base colour, but for its alpha, and its texture."""
+        red, green, blue = (float(value) for value in encode_srgb(emitted))
+        self.color, self.is_unlit = (red, green, blue, self.color[3]), True
+        if self._has_alpha and self._texture != texture:  # the alpha of an emissive texture is none
+            self._texture_has_alpha = False
+            if self._texture is not None:
+                self._document.resolver.add_note(
+                    "a material that is black but for the light that it emits is drawn without its texture's alpha"
+                )
+        self._take_texture(texture)
+
+    def _is_black(self) -> bool:
+        """Whether its base colour, or the texture of that, is black throughout."""
+        if self._texture is None or not any(self.color[:3]):
+            return not any(self.color[:3])
+        known, index = self._document.black_textures, self._texture["index"]
+        if index not in known:
+            texture = self._read()
+            known[index] = texture is not None and not texture.pixels[..., :3].any()
+        return known[index]
 
     def _transmitted(self) -> float:
         """The share of the light from behind that `KHR_materials_transmission` lets through, with a note."""
@@ -104,10 +152,15 @@ class Material:
             lambda: document.image(image),
             key=f"buffer view {image['bufferView']}" if "bufferView" in image else uri,
             name=f"image {source}" if embedded else uri,
-            opaque=not self._has_alpha,
+            opaque=not self._texture_has_alpha,
             wrap_u=_WRAPS.get(sampler.get("wrapS", 10497), "repeat"),
             wrap_v=_WRAPS.get(sampler.get("wrapT", 10497), "repeat"),
         )
+
+
+def _read_linear(factor: Any) -> NDArray[np.float64]:
+    """A colour of the file, without NaN, which JSON as Python reads it may have."""
+    return np.nan_to_num(np.array(factor, np.float64))
 
 
 def _find_source(texture: dict[str, Any]) -> Any:
