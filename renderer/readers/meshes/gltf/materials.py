@@ -146,6 +146,9 @@ class Material:
             return None
         sampler = document.item("samplers", entry["sampler"]) if "sampler" in entry else {}
         image = document.item("images", source)
+        if "bufferView" not in image and "uri" not in image:
+            document.resolver.add_note(f"texture image {source} is left out: it has no data; export it again")
+            return None
         uri = image.get("uri", "")
         embedded = "bufferView" in image or uri.startswith("data:")
         return document.resolver.decode_texture(

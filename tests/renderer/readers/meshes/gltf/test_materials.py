@@ -6,7 +6,8 @@ from PIL import Image
 
 from ciir.renderer.readers import pictures
 from ciir.renderer.shading import encode_srgb
-from tests.support.meshes import FRONT
+from ciir.renderer.writers.pictures import encode_png
+from tests.support.meshes import FRONT, read_mesh
 from tests.support.meshes.gltf import PIXELS, UV, Model
 from tests.support.meshes.ktx2 import UASTC
 
@@ -19,6 +20,22 @@ def test_a_texture_that_is_not_there_or_no_picture_is_left_out_with_a_note(name:
     assert scene.parts[0].texture is None
     assert len(scene.notes) == 1
     assert (name.rpartition("/")[2] or "texture image 0 is left out") in scene.notes[0]
+
+
+def test_an_image_without_data_is_left_out_with_a_note() -> None:
+    model = Model(TEXCOORD_0=UV).texture()
+    model.json["images"] = [{"mimeType": "image/png"}]
+    scene = model.read()
+    assert scene.parts[0].texture is None
+    assert scene.notes == ("texture image 0 is left out: it has no data; export it again",)
+
+
+@pytest.mark.parametrize("name", ["a%20b.png", "a b.png"])
+def test_a_texture_whose_uri_is_quoted_or_not(name: str) -> None:
+    model = Model(TEXCOORD_0=UV).texture()
+    model.json["images"] = [{"uri": "a%20b.png"}]
+    scene = read_mesh(".glb", model.glb(), {name: encode_png(PIXELS)})
+    assert (scene.parts[0].texture is None, scene.notes) == (False, ())
 
 
 def test_a_texture_keeps_its_pixels_its_wrap_and_its_place() -> None:
