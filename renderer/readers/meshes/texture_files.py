@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import posixpath
 import unicodedata
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,7 +44,6 @@ class Resolver:
         self._folder = posixpath.dirname(main)
         self._max_pixels = self._pixels_left = max_pixels
         self._work_left = MOST_WORK * max_pixels  # pixels of corrupt ones count, too
-        self._named: dict[str, list[str]] | None = None
         self._decoded: dict[tuple[str, bool], NDArray[np.uint8] | None] = {}
         self._textures: dict[tuple[str, bool, Wrap, Wrap], Texture] = {}
 
@@ -65,7 +65,7 @@ class Resolver:
         for key in candidates:
             if key in self._files:
                 return self._take(key)
-        others = self._list_named(own)
+        others = self._named.get(_compose(own).lower(), [])
         composed = {_compose(key) for key in candidates}
         if same := [key for key in others if _compose(key) in composed]:
             return self._take(same[0])
@@ -78,17 +78,22 @@ class Resolver:
         self.used.add(key)
         return self._files[key]
 
-    def _list_named(self, own: str) -> list[str]:
-        """The files called `own` in lower or upper case, in any folder: downloads often have textures in a folder
-        of their own, and names from systems that ignore case."""
-        if self._named is None:
-            self._named = {}
-            try:
-                for key in self._files:
-                    self._named.setdefault(_compose(posixpath.basename(key)).lower(), []).append(key)
-            except TooLarge:  # beside a mesh on the disk: too many files to search
-                self._named = {}
-        return self._named.get(_compose(own).lower(), [])
+    def find_only(self, suffix: str) -> tuple[str, bytes] | None:
+        """The key and the bytes of the only file whose name ends with `suffix`, which is in lower case."""
+        found = [key for own, keys in self._named.items() if own.endswith(suffix) for key in keys]
+        return (found[0], self._take(found[0])) if len(found) == 1 else None
+
+    @cached_property
+    def _named(self) -> dict[str, list[str]]:
+        """The files in all folders by their names in lower case: downloads often have textures in a folder of their
+        own, and names from systems that ignore case."""
+        named: dict[str, list[str]] = {}
+        try:
+            for key in self._files:
+                named.setdefault(_compose(posixpath.basename(key)).lower(), []).append(key)
+        except TooLarge:  # beside a mesh on the disk: too many files to search
+            return {}
+        return named
 
     def explain_missing(self, name: str) -> tuple[str, str]:
         """Why there is no file called `name`, and the remedy."""
