@@ -22,7 +22,7 @@ TRANSMITTED = 0.9
 METAL = 0.25
 """The largest specular colour of what is no metal, linear: gems have 0.17, metals 0.5 and more."""
 MAX_STRENGTH = 1e6
-"""The largest `emissiveStrength` that is told from larger ones."""
+"""The largest `emissiveStrength`: larger ones, which JSON may have, count as this one."""
 
 
 class Material:
@@ -36,8 +36,6 @@ class Material:
         glossy = self.extensions.get("KHR_materials_pbrSpecularGlossiness")
         factor = metallic.get("baseColorFactor") if glossy is None else glossy.get("diffuseFactor")
         linear = _read_linear(factor or (1, 1, 1, 1))
-        if glossy is not None:
-            self._add_specular(glossy, linear)
         red, green, blue = (float(value) for value in encode_srgb(linear[:3]))
         self.color = red, green, blue, float(np.clip(linear[3], 0.0, 1.0))
         self._take_texture(metallic.get("baseColorTexture") if glossy is None else glossy.get("diffuseTexture"))
@@ -49,9 +47,13 @@ class Material:
         self.only_emits = emits and len(emitted) == 3 and self._is_black()
         """Whether it is black but for the light that it emits, whose colour and texture are then its own, unlit."""
         if self.only_emits:
-            self._take_emitted(emitted, entry.get("emissiveTexture"))
-        elif emits:
-            document.resolver.add_note("light that a material emits is left out: its base colour is drawn")
+            self._replace(emitted, entry.get("emissiveTexture"))
+            self.is_unlit = True
+        else:
+            if glossy is not None:
+                self._take_specular(glossy, linear[:3])
+            if emits:
+                document.resolver.add_note("light that a material emits is left out: its base colour is drawn")
         if mode == "MASK":
             self.alpha_cutoff = max(float(entry.get("alphaCutoff", 0.5)), 0.0)  # above 1 nothing is left
         self.is_double_sided = entry.get("doubleSided") is True
@@ -67,19 +69,26 @@ class Material:
         self.texcoord = "" if texture is None else f"TEXCOORD_{channel}"
         """The attribute that holds the texture's coordinates; empty without a texture."""
 
-    def _add_specular(self, glossy: dict[str, Any], diffuse: NDArray[np.float64]) -> None:
-        """Gives `diffuse` the specular colour of a metal, of which it is black, with a note."""
-        specular = _read_linear(glossy.get("specularFactor", (0, 0, 0)))  # by default a mirror, which hides `diffuse`
-        if "specularGlossinessTexture" in glossy:
+    def _take_specular(self, glossy: dict[str, Any], diffuse: NDArray[np.float64]) -> None:
+        """Replaces the diffuse colour of a metal, which is black, by its specular colour, with a note."""
+        texture = glossy.get("specularGlossinessTexture")
+        # By default specular is a mirror: a file that leaves it out has meant its diffuse colour.
+        specular = _read_linear(glossy.get("specularFactor", (0, 0, 0) if texture is None else (1, 1, 1)))
+        if specular.max(initial=0) <= METAL:
+            return
+        if self._is_black():
+            self._replace(specular, texture)
+        elif texture is None and self._texture is None:
+            self._replace(np.maximum(diffuse, specular), None)
+        else:
             self._document.resolver.add_note(
-                "KHR_materials_pbrSpecularGlossiness: specular textures are left out, so that metals may be dark; "
-                "export it with metallic-roughness materials"
+                "KHR_materials_pbrSpecularGlossiness: specular colours in textures, or beside them, are left out, so "
+                "that metals may be dark; export it with metallic-roughness materials"
             )
-        elif "diffuseTexture" not in glossy and specular.max() > METAL:
-            diffuse[:3] = np.maximum(diffuse[:3], specular)
-            self._document.resolver.add_note(
-                "KHR_materials_pbrSpecularGlossiness: metals are drawn in their specular colour"
-            )
+            return
+        self._document.resolver.add_note(
+            "KHR_materials_pbrSpecularGlossiness: metals are drawn in their specular colour"
+        )
 
     def _read_emitted(self, entry: dict[str, Any]) -> NDArray[np.float64]:
         """The emitted light, linear; over 1 it is scaled down, so that its hue stays."""
@@ -89,15 +98,15 @@ class Material:
         brightest: NDArray[np.float64] = emitted / max(1.0, emitted.max(initial=0.0))
         return brightest
 
-    def _take_emitted(self, emitted: NDArray[np.float64], texture: dict[str, Any] | None) -> None:
-        """Replaces the base colour, but for its alpha, and its texture."""
-        red, green, blue = (float(value) for value in encode_srgb(emitted))
-        self.color, self.is_unlit = (red, green, blue, self.color[3]), True
-        if self._has_alpha and self._texture != texture:  # the alpha of an emissive texture is none
+    def _replace(self, color: NDArray[np.float64], texture: dict[str, Any] | None) -> None:
+        """Replaces the base colour by a linear one, but for its alpha, and its texture."""
+        red, green, blue = (float(value) for value in encode_srgb(color))
+        self.color = red, green, blue, self.color[3]
+        if self._has_alpha and self._texture != texture:  # only a base texture's fourth channel is alpha
             self._texture_has_alpha = False
             if self._texture is not None:
                 self._document.resolver.add_note(
-                    "a material that is black but for the light that it emits is drawn without its texture's alpha"
+                    "the alpha of a texture is left out, as that is black: the specular or the emitted colour is drawn"
                 )
         self._take_texture(texture)
 

@@ -108,14 +108,34 @@ def test_a_metal_has_its_specular_colour(diffuse: list[float], specular: list[fl
     assert scene.notes == (() if expected == diffuse[:3] else metal)
 
 
-def test_specular_textures_are_noted() -> None:
+@pytest.mark.parametrize("mode", ["OPAQUE", "BLEND"])
+@pytest.mark.parametrize("has_texture", [True, False])
+def test_a_metal_whose_diffuse_colour_is_black_has_its_specular_texture(has_texture: bool, mode: str) -> None:
+    model = Model(TEXCOORD_0=UV).texture(np.zeros_like(PIXELS))
+    model.json["images"].append({"bufferView": model.view(encode_png(PIXELS))})
+    model.json["textures"].append({"source": 1})
+    diffuse = {"diffuseTexture": {"index": 0}} if has_texture else {"diffuseFactor": [0, 0, 0, 1]}
+    model.material["extensions"] = {GLOSSY: diffuse | {"specularGlossinessTexture": {"index": 1}}}
+    model.material["alphaMode"] = mode
+    scene = model.read()
+    (part,) = scene.parts
+    assert part.texture.pixels[..., :3].tolist() == PIXELS[..., :3].tolist()
+    assert part.texture.pixels[..., 3].min() == 255  # its fourth channel is glossiness
+    assert part.colors[0] == pytest.approx([FRONT, FRONT, FRONT, 1])
+    assert scene.notes[-1] == f"{GLOSSY}: metals are drawn in their specular colour"
+    assert len(scene.notes) == 1 + (has_texture and mode == "BLEND")
+    model.material["emissiveFactor"] = [0, 1, 0]  # a lamp of glass
+    assert model.read().parts[0].colors[0].tolist() == [0, 1, 0, 1]
+
+
+@pytest.mark.parametrize("values", [{"specularFactor": [1, 1, 1]}, {"specularGlossinessTexture": {"index": 0}}])
+def test_specular_colours_beside_diffuse_textures_are_noted(values: dict[str, object]) -> None:
     model = Model(TEXCOORD_0=UV).texture()
-    values = {"diffuseTexture": {"index": 0}, "specularFactor": [1, 1, 1], "specularGlossinessTexture": {"index": 0}}
-    model.material["extensions"] = {GLOSSY: values}
+    model.material["extensions"] = {GLOSSY: {"diffuseTexture": {"index": 0}} | values}
     scene = model.read()
     assert np.array_equal(scene.parts[0].texture.pixels[..., :3], PIXELS[..., :3])
     (note,) = scene.notes
-    assert note.startswith(f"{GLOSSY}: specular textures are left out, so that metals may be dark; export")
+    assert note.startswith(f"{GLOSSY}: specular colours in textures, or beside them, are left out, so that")
 
 
 def test_an_extension_without_values_replaces_the_base_colour() -> None:
@@ -149,7 +169,7 @@ def test_a_material_that_only_emits_light_keeps_its_alpha(mode: str, alpha: floa
     assert scene.parts[0].texture.pixels[..., 3].min() == (255 if mode == "OPAQUE" else 0)
     assert scene.notes == ()
     del model.material["emissiveTexture"]
-    note = "a material that is black but for the light that it emits is drawn without its texture's alpha"
+    note = "the alpha of a texture is left out, as that is black: the specular or the emitted colour is drawn"
     assert model.read().notes == ((note,) if mode != "OPAQUE" else ())
 
 
