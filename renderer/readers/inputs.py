@@ -197,7 +197,8 @@ def find_main(bundle: Bundle) -> tuple[Format, str] | None:
     Of several files it is the one mesh, or else the one container beside at most one picture, or else the picture that
     is alone or has frames; but a picture named as the views that we write is a set of one view.
 
-    Raises `UnsupportedType` or `Unreadable` where there is none, or more than one mesh or container.
+    Raises `UnsupportedType` or `Unreadable` where there is none, or more than one mesh or container, and
+    `UnsupportedType` where the one mesh is of a type that isn't read.
     """
     name = clean_text(bundle.name)
     if bundle.main is not None:
@@ -229,6 +230,7 @@ def find_main(bundle: Bundle) -> tuple[Format, str] | None:
     pictures = [key for key in views if len(views) == 1 or PurePosixPath(key).stem.lower() not in FRAMES]
     if containers:
         return identify(containers[0], bundle.files[containers[0]]), containers[0]
+    _refuse_meshes(name, names, has_pictures=bool(views))
     if len(pictures) == 1 and view_set.OWN_NAME.fullmatch(PurePosixPath(pictures[0]).name) is None:
         return identify(pictures[0], bundle.files[pictures[0]]), pictures[0]
     if not views:
@@ -239,20 +241,28 @@ def find_main(bundle: Bundle) -> tuple[Format, str] | None:
 
 
 def _refuse_textures(name: str, names: Sequence[str], pictures: Sequence[str]) -> None:
-    """Raises `UnsupportedType` where all `pictures` are in a folder `textures`, and in a folder `source` is a zip or a
-    mesh of a type that isn't read: so Sketchfab packs meshes.
+    """Raises `UnsupportedType` where all `pictures` are in a folder `textures`, and in a folder `source` is a zip: so
+    Sketchfab packs meshes.
     """
     if not pictures or not all(_lies_in("textures", key) for key in pictures):
         return
     for key in filter(partial(_lies_in, "source"), names):
-        suffix = PurePosixPath(key).suffix.lower()
-        if suffix in OTHER_MESHES:
-            find_by_suffix(f"{name}/{key}")  # raises
-        if suffix == ".zip":
+        if key.lower().endswith(".zip"):
             raise UnsupportedType(
                 f"{name}: the mesh seems to be in a zip, {clean_text(key)}, which is not unpacked within a folder or "
                 "another zip; unpack all into one folder and give that"
             )
+
+
+def _refuse_meshes(name: str, names: Sequence[str], *, has_pictures: bool) -> None:
+    """Raises `UnsupportedType` where there is a mesh of a type that isn't read: pictures beside it are its textures."""
+    for key in names:
+        if PurePosixPath(key).suffix.lower() in OTHER_MESHES:
+            try:
+                find_by_suffix(f"{name}/{key}")
+            except UnsupportedType as error:
+                more = "; if the pictures are the light field, give them without it" if has_pictures else ""
+                raise UnsupportedType(f"{error}{more}") from error
 
 
 def _lies_in(folder: str, key: str) -> bool:

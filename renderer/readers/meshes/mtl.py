@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ciir.renderer.readers.names import clean_text
 from ciir.renderer.surface import DEFAULT_COLOR, Color
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ CONTINUED = re.compile(rb"\\\r?\n")
 """A line break within a line."""
 _OPTIONS = {b"-blendu": 1, b"-blendv": 1, b"-boost": 1, b"-mm": 2, b"-o": 3, b"-s": 3, b"-t": 3, b"-texres": 1,
             b"-clamp": 1, b"-bm": 1, b"-imfchan": 1, b"-type": 1, b"-cc": 1}  # fmt: skip
+_NUMBER = re.compile(rb"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _CUTOFF = 0.5
 
 
@@ -40,6 +42,8 @@ class _Map:
     wrap: Wrap = "repeat"
     scale: tuple[float, float] = (1.0, 1.0)
     offset: tuple[float, float] = (0.0, 0.0)
+    unread: tuple[str, ...] = ()
+    """Options whose numbers can't be read."""
 
 
 def parse_entries(data: bytes) -> dict[bytes, dict[bytes, bytes]]:
@@ -55,20 +59,24 @@ def parse_entries(data: bytes) -> dict[bytes, dict[bytes, bytes]]:
     return entries
 
 
-def read_material(entry: dict[bytes, bytes], resolver: Resolver) -> Material:
-    """Reads a material from its lines; `resolver` gets a note of what is left out.
+def read_material(entry: dict[bytes, bytes], resolver: Resolver, name: str) -> Material:
+    """Reads a material from its lines; `resolver` gets a note of what is left out, in which the material has its name.
 
     One that is black but for the light that it emits has the colour and the texture of that.
     """
-    diffuse, emitted = _read_color(entry.get(b"kd")), _read_emitted(entry.get(b"ke"))
+    diffuse, emitted = _read_color(entry.get(b"kd")), _read_color(entry.get(b"ke"))
+    if diffuse is None and b"kd" in entry:
+        _note_unread(f"Kd {decode_name(entry[b'kd'])}", name, resolver)
     emits = emitted is not None and any(emitted)
     lit = not emits or b"map_kd" in entry or diffuse is None or any(diffuse)
     if emits and lit:
         resolver.add_note("light that a material emits is left out: its diffuse colour is drawn")
     if not lit:
         diffuse = emitted
-    placed = _parse_map(entry.get(b"map_kd" if lit else b"map_ke"))
-    mask = _parse_map(entry.get(b"map_d"))
+    placed, mask = _parse_map(entry.get(b"map_kd" if lit else b"map_ke")), _parse_map(entry.get(b"map_d"))
+    for each in (placed, mask):
+        for option in each.unread if each is not None else ():
+            _note_unread(option, name, resolver)
     texture, is_cut = _load_texture(placed, mask, resolver)
     placed = placed or mask or _Map("")
     color = diffuse or ((1.0, 1.0, 1.0) if texture else DEFAULT_COLOR[:3])
@@ -96,20 +104,19 @@ def _load_texture(placed: _Map | None, mask: _Map | None, resolver: Resolver) ->
 
 
 def _read_color(line: bytes | None) -> tuple[float, float, float] | None:
-    """Red, green and blue, or one number for all, in [0, 1]."""
-    if line is None:
+    """Red, green and blue, or one number for all, in [0, 1]; None for what is no colour, such as a spectral curve."""
+    words = [] if line is None else line.split()
+    try:
+        red, green, blue = (min(max(float(word), 0.0), 1.0) for word in (words * 3 if len(words) == 1 else words)[:3])
+    except ValueError:
         return None
-    words = line.split()
-    red, green, blue = (min(max(float(word), 0.0), 1.0) for word in (words * 3 if len(words) == 1 else words)[:3])
     return red, green, blue
 
 
-def _read_emitted(line: bytes | None) -> tuple[float, float, float] | None:
-    """As `_read_color`; None for what is no colour, such as a spectral curve: most materials are drawn without it."""
-    try:
-        return _read_color(line)
-    except ValueError:
-        return None
+def _note_unread(line: str, material: str, resolver: Resolver) -> None:
+    resolver.add_note(
+        f"material {material}: {clean_text(line)} can't be read and is left out; write numbers as in 0.5 0.5 1"
+    )
 
 
 def _read_alpha(entry: dict[bytes, bytes]) -> float:
@@ -127,23 +134,27 @@ def _parse_map(line: bytes | None) -> _Map | None:
         return None
     wrap: Wrap = "repeat"
     moved = {b"-s": (1.0, 1.0), b"-o": (0.0, 0.0)}
-    words, start = line.split(b" "), 0
+    words, start, unread = line.split(b" "), 0, []
     while start < len(words) and (option := words[start].lower()) in _OPTIONS:
         if option == b"-clamp" and words[start + 1 : start + 2] == [b"on"]:
             wrap = "clamp"
         values, end = _OPTIONS[option], start + 1
-        while end <= start + values and end < len(words) - 1 and (values == 1 or _is_number(words[end])):
+        while end <= start + values and end < len(words) - 1 and (values == 1 or _is_number(words[end], b",")):
             end += 1
         if option in moved:
-            given = [float(word) for word in words[start + 1 : end]]
-            u, v = (*given[:2], *moved[option][len(given) :])
-            moved[option] = u, v
+            given = words[start + 1 : end]
+            if all(map(_is_number, given)):
+                u, v = (*map(float, given[:2]), *moved[option][len(given) :])
+                moved[option] = u, v
+            else:
+                unread.append(decode_name(b" ".join(words[start:end])))
         start = end
-    return _Map(decode_name(b" ".join(words[start:]).strip()), wrap, moved[b"-s"], moved[b"-o"])
+    return _Map(decode_name(b" ".join(words[start:]).strip()), wrap, moved[b"-s"], moved[b"-o"], tuple(unread))
 
 
-def _is_number(word: bytes) -> bool:
-    return re.fullmatch(rb"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", word) is not None
+def _is_number(word: bytes, comma: bytes = b".") -> bool:
+    """Whether it is a number, also with `comma` in place of the point."""
+    return _NUMBER.fullmatch(word.replace(comma, b".")) is not None
 
 
 def decode_name(name: bytes) -> str:

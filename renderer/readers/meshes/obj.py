@@ -27,6 +27,8 @@ from ciir.renderer.readers.names import clean_text
 from ciir.renderer.surface import WHITE, Surface, check_size
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import NDArray
 
     from ciir.renderer.limits import Limits
@@ -36,6 +38,8 @@ _NUMBERS = (b"v", b"vt", b"vn", b"f")
 _NAMES = (b"usemtl", b"mtllib")
 _LEFT_OUT = {b"l": "lines", b"p": "points", b"curv": "curves", b"surf": "free-form surfaces"}
 _COMMENT = re.compile(rb"(?mi)^([ \t\r\v\f]*(?:v|vt|vn|f)[ \t\r\v\f][^#\n]*)#[^\n]*")
+_MANY = re.compile(r"(?<=\.mtl)\s+", re.IGNORECASE)
+"""What parts several MTL files on a line; spaces elsewhere are within a name."""
 BRIGHTEST = 2.0
 """Largest vertex colour where 1 is white: scanners overshoot it, and levels of 8 bits go far beyond."""
 MAX_LIBRARIES = 100
@@ -172,18 +176,9 @@ def _materials(
 ) -> tuple[list[mtl.Material], NDArray[np.intp]]:
     """The distinct materials of the triangles, and the number of each triangle's material."""
     entries: dict[bytes, dict[bytes, bytes]] = {}
-    libraries = list(dict.fromkeys(lines.list_names(b"mtllib")))
-    if len(libraries) > MAX_LIBRARIES:
-        raise TooLarge(f"{name}: {len(libraries):,} material files; at most {MAX_LIBRARIES} are read; join them")
-    files: dict[bytes, None] = {}  # in the order of their last names: several names may be of one file
-    for library in libraries:
-        data = resolver.find_or_note(mtl.decode_name(library), "material file")
-        if data is not None:
-            files.pop(data, None)
-            files[data] = None
-    for data in files:
-        entries |= mtl.parse_entries(data)
     names = [b"", *lines.list_names(b"usemtl")]
+    for data in _find_libraries(lines.list_names(b"mtllib"), set(names), name, resolver):
+        entries |= mtl.parse_entries(data)
     if (count := len(set(names))) > MAX_MATERIALS:
         raise TooLarge(f"{name}: {count:,} materials; at most {MAX_MATERIALS:,} are read; join them")
     current = lines.count_before(b"usemtl", face_lines)
@@ -191,15 +186,40 @@ def _materials(
     by_name: dict[bytes, int] = {}
     missing = []
     for used in dict.fromkeys(names[i] for i in np.unique(current)):
-        material = mtl.read_material(entries[used], resolver) if used in entries else mtl.Material()
+        shown = clean_text(mtl.decode_name(used))
+        material = mtl.read_material(entries[used], resolver, shown) if used in entries else mtl.Material()
         if used and used not in entries:
-            missing.append(clean_text(mtl.decode_name(used)))
+            missing.append(shown)
         by_name[used] = numbers_of.setdefault(material, len(numbers_of))
     if missing:
         listed = ", ".join(missing[:3]) + (", ..." if missing[3:] else "")
         many = f"material {listed} is" if len(missing) == 1 else f"{len(missing):,} materials ({listed}) are"
         resolver.add_note(f"{many} missing: drawn light grey")
     return list(numbers_of), np.array([by_name.get(used, 0) for used in names])[current]
+
+
+def _find_libraries(given: list[bytes], used: set[bytes], name: str, resolver: Resolver) -> Iterable[bytes]:
+    """The files of the lines `mtllib`; where there are none, the only MTL file of all, if it has a material in `used`.
+
+    They come in the order of their last names: several names may be of one file.
+    """
+    names: dict[str, None] = {}
+    for line in dict.fromkeys(map(mtl.decode_name, given)):
+        alone = len(names) >= MAX_LIBRARIES or resolver.find(line) is not None
+        names |= dict.fromkeys([line] if alone else _MANY.split(line))
+    if len(names) > MAX_LIBRARIES:
+        raise TooLarge(f"{name}: {len(names):,} material files; at most {MAX_LIBRARIES} are read; join them")
+    files: dict[bytes, None] = {}
+    for library in names:
+        if (data := resolver.find(library)) is not None:
+            files.pop(data, None)
+            files[data] = None
+    if not files and (only := resolver.find_only(".mtl")) is not None and used & mtl.parse_entries(only[1]).keys():
+        resolver.add_note(f"no material file that the mesh names is there: {clean_text(only[0])} is used, the only one")
+        return [only[1]]
+    for library in names:
+        resolver.find_or_note(library, "material file")
+    return files
 
 
 def _group_triangles(

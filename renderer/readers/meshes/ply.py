@@ -33,7 +33,8 @@ _FORMATS = ("ascii", "binary_little_endian", "binary_big_endian")
 
 
 def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
-    """The faces of a PLY as one surface, with its normals, and its colours (display-referred) or texture.
+    """The faces of a PLY as one surface, or one for each of several textures, with normals, and colours
+    (display-referred) or a texture.
 
     Raises `Unreadable` where it is cut short or malformed, `UnsupportedType` for triangle strips, `TooLarge` over
     `limits`.
@@ -42,7 +43,7 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
     from trimesh.exchange.ply import _parse_header
 
     file = io.BytesIO(_with_plain_header(data, name))
-    elements, is_ascii, picture = _parse_header(file)
+    elements, is_ascii, _ = _parse_header(file)
     header = file.getvalue()[: file.tell()].splitlines()
     if "tristrips" in elements and "face" not in elements:
         raise UnsupportedType(f"{name}: a PLY of triangle strips (tristrips), which are not read; export it with faces")
@@ -53,11 +54,7 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
     key = next((key for key in ("vertex_indices", "vertex_index") if key in face["properties"]), None)
     if key is None or not face["length"] or not vertex["length"]:
         return []
-    polygons = _column(face, key)
-    if isinstance(polygons, np.ndarray) and polygons.dtype != object:
-        lengths, corners = np.full(len(polygons), polygons.shape[1]), polygons.ravel()
-    else:
-        lengths, corners = np.fromiter(map(len, polygons), np.int64, len(polygons)), np.concatenate(polygons)
+    lengths, corners = _flatten(_column(face, key))
     check_size(name, int(np.maximum(lengths - 2, 0).sum()), vertex["length"], limits.triangles)
     vertices, corners = _stack(vertex, "x", "y", "z").astype(np.float64), corners.astype(np.int64)
     triangles, face_of = triangulate(vertices, corners, lengths, resolver.add_note)
@@ -68,11 +65,58 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
         color=DEFAULT_COLOR,
         lit=UNLIT.encode() not in header,
     )
-    texture = None if picture is None else resolver.load_texture(picture, opaque=True)
-    colored = _add_colors(surface, vertex, face, face_of, texture)
-    if texture is not None and colored.uv is None:
-        resolver.add_note("a texture without texture coordinates is left out")
-    return [colored]
+    comments = (line.decode().split(None, 2) for line in header)
+    pictures = [words[2].strip() for words in comments if len(words) == 3 and words[1].lower() == "texturefile"]
+    textures, texture_of = _load_textures(pictures, face, face_of, resolver)
+    plain = mapped = _add_colors(surface, vertex, face, face_of)
+    if any(textures):
+        mapped = _add_coordinates(surface, vertex, face, resolver, lengths=lengths, triangles=triangles) or plain
+    if mapped is plain:
+        return [plain]
+    wholes = [plain if texture is None else replace(mapped, texture=texture) for texture in textures]
+    if len(wholes) == 1:
+        return wholes
+    own = np.split(np.argsort(texture_of, kind="stable"), np.cumsum(np.bincount(texture_of))[:-1])
+    return [_take(whole, chosen) for whole, chosen in zip(wholes, own, strict=True)]
+
+
+def _load_textures(
+    pictures: list[str], face: dict[str, Any], face_of: NDArray[np.int64], resolver: Resolver
+) -> tuple[list[Texture | None], NDArray[np.int64]]:
+    """The textures, each once, None for faces without one; and the number in that list for each triangle."""
+    number = np.zeros(len(face_of), np.int64)
+    if len(pictures) > 1:
+        if "texnumber" in face["properties"]:
+            number = _stack(face, "texnumber")[face_of, 0].astype(np.int64)
+        else:
+            resolver.add_note(
+                f"{clean_text(pictures[0])} is on all faces, as none names one of {len(pictures)} textures"
+            )
+    textures: dict[Texture | None, int] = {}
+    numbers, index = np.unique(number, return_inverse=True)
+    places = []
+    for each in numbers.tolist():
+        is_one = 0 <= each < len(pictures)
+        texture = resolver.load_texture(pictures[each], opaque=True) if is_one else None
+        places.append(textures.setdefault(texture, len(textures)))
+        if each > 0 and not is_one:
+            resolver.add_note("faces of textures that the header doesn't name are drawn without one")
+    return list(textures), np.array(places, np.int64)[index]
+
+
+def _take(surface: Surface, chosen: NDArray[np.intp]) -> Surface:
+    """The surface of the faces that are `chosen`."""
+    index, local = np.unique(surface.faces[chosen], return_inverse=True)
+    if index[0] < 0:
+        raise IndexError("a face names a vertex that is not there")
+    return replace(
+        surface,
+        vertices=surface.vertices[index],
+        faces=local.reshape(-1, 3),
+        normals=None if surface.normals is None else surface.normals[index],
+        colors=None if surface.colors is None else surface.colors[index],
+        uv=None if surface.uv is None else surface.uv[index],
+    )
 
 
 def _with_plain_header(data: bytes, name: str) -> bytes:
@@ -179,19 +223,44 @@ def _stack(element: dict[str, Any], *keys: str) -> NDArray[Any]:
     return np.concatenate([np.asarray(_column(element, key)) for key in keys], axis=1)
 
 
-def _add_colors(
-    surface: Surface, vertex: dict[str, Any], face: dict[str, Any], face_of: NDArray[np.int64], texture: Texture | None
-) -> Surface:
-    """The surface with the first of these that the file has: texture, vertex colours, face colours."""
-    if texture is not None and "texcoord" in face["properties"]:
-        uv = _column(face, "texcoord")
-        if np.shape(uv) == (len(surface.faces), 6):  # u and v of three corners: the faces are triangles
-            uv = np.asarray(uv, np.float64).reshape(-1, 2)
-            return replace(split_corners(surface), uv=uv, texture=texture, color=WHITE)
-    if texture is not None:
-        for pair in (("s", "t"), ("u", "v"), ("texture_u", "texture_v")):
-            if set(pair) <= vertex["properties"].keys():
-                return replace(surface, uv=_stack(vertex, *pair).astype(np.float64), texture=texture, color=WHITE)
+def _flatten(column: Any) -> tuple[NDArray[np.int64], NDArray[Any]]:
+    """The length of each list of a column, and all values one after another."""
+    if isinstance(column, np.ndarray) and column.dtype != object:
+        return np.full(len(column), column.shape[1]), column.ravel()
+    return np.fromiter(map(len, column), np.int64, len(column)), np.concatenate(column)
+
+
+def _add_coordinates(
+    surface: Surface,
+    vertex: dict[str, Any],
+    face: dict[str, Any],
+    resolver: Resolver,
+    *,
+    lengths: NDArray[np.int64],
+    triangles: NDArray[np.int64],
+) -> Surface | None:
+    """The surface with the texture coordinates of the corners of its faces, else of its vertices; None, with a note,
+    where there are none.
+
+    `lengths`, `triangles`: as of `polygons.triangulate`.
+    """
+    if "texcoord" in face["properties"]:
+        counts, uv = _flatten(_column(face, "texcoord"))
+        if (counts == 2 * lengths).all():
+            of_corners = uv.astype(np.float64).reshape(-1, 2)[triangles.ravel()]
+            return replace(split_corners(surface), uv=of_corners, color=WHITE)
+        resolver.add_note(
+            "texture coordinates of faces are left out: there must be two for each corner; export it again"
+        )
+    for pair in (("s", "t"), ("u", "v"), ("texture_u", "texture_v")):
+        if set(pair) <= vertex["properties"].keys():
+            return replace(surface, uv=_stack(vertex, *pair).astype(np.float64), color=WHITE)
+    resolver.add_note("a texture without texture coordinates is left out")
+    return None
+
+
+def _add_colors(surface: Surface, vertex: dict[str, Any], face: dict[str, Any], face_of: NDArray[np.int64]) -> Surface:
+    """The surface with the colours of its vertices, else of its faces, if the file has any."""
     for prefix in ("", "diffuse_"):
         names = (f"{prefix}red", f"{prefix}green", f"{prefix}blue")
         if set(names) <= vertex["properties"].keys():

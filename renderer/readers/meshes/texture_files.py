@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import posixpath
+import unicodedata
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,7 +44,6 @@ class Resolver:
         self._folder = posixpath.dirname(main)
         self._max_pixels = self._pixels_left = max_pixels
         self._work_left = MOST_WORK * max_pixels  # pixels of corrupt ones count, too
-        self._named: dict[str, list[str]] | None = None
         self._decoded: dict[tuple[str, bool], NDArray[np.uint8] | None] = {}
         self._textures: dict[tuple[str, bool, Wrap, Wrap, bool], Texture] = {}
 
@@ -58,29 +59,41 @@ class Resolver:
     def find(self, name: str) -> bytes | None:
         """The bytes of the file called `name`; None where it is missing or outside the bundle."""
         name = _portable(name)
+        own = posixpath.basename(name)
         # Exporters write paths of their own machine; the file itself lies beside the mesh.
-        for candidate in (resolve_key(name, self._folder), resolve_key(posixpath.basename(name), self._folder)):
-            if candidate is not None and candidate in self._files:
-                self.used.add(candidate)
-                return self._files[candidate]
-        if (key := self._find_elsewhere(posixpath.basename(name))) is None:
+        candidates = [key for each in (name, own) if (key := resolve_key(each, self._folder)) is not None]
+        for key in candidates:
+            if key in self._files:
+                return self._take(key)
+        others = self._named.get(_compose(own).lower(), [])
+        composed = {_compose(key) for key in candidates}
+        if same := [key for key in others if _compose(key) in composed]:
+            return self._take(same[0])
+        if len(others) != 1:
             return None
-        self.add_note(f"{clean_text(name)} is not there; {clean_text(key)} is used, the only file of that name")
+        self.add_note(f"{clean_text(name)} is not there; {clean_text(others[0])} is used, the only file of that name")
+        return self._take(others[0])
+
+    def _take(self, key: str) -> bytes:
         self.used.add(key)
         return self._files[key]
 
-    def _find_elsewhere(self, own: str) -> str | None:
-        """The only file called `own` in lower or upper case, in any folder: downloads often have textures in a folder
-        of their own, and names from systems that ignore case."""
-        if self._named is None:
-            self._named = {}
-            try:
-                for key in self._files:
-                    self._named.setdefault(posixpath.basename(key).lower(), []).append(key)
-            except TooLarge:  # beside a mesh on the disk: too many files to search
-                self._named = {}
-        found = self._named.get(own.lower(), [])
-        return found[0] if len(found) == 1 else None
+    def find_only(self, suffix: str) -> tuple[str, bytes] | None:
+        """The key and the bytes of the only file whose name ends with `suffix`, which is in lower case."""
+        found = [key for own, keys in self._named.items() if own.endswith(suffix) for key in keys]
+        return (found[0], self._take(found[0])) if len(found) == 1 else None
+
+    @cached_property
+    def _named(self) -> dict[str, list[str]]:
+        """The files in all folders by their names in lower case: downloads often have textures in a folder of their
+        own, and names from systems that ignore case."""
+        named: dict[str, list[str]] = {}
+        try:
+            for key in self._files:
+                named.setdefault(_compose(posixpath.basename(key)).lower(), []).append(key)
+        except TooLarge:  # beside a mesh on the disk: too many files to search
+            return {}
+        return named
 
     def explain_missing(self, name: str) -> tuple[str, str]:
         """Why there is no file called `name`, and the remedy."""
@@ -206,6 +219,11 @@ class Resolver:
 def _portable(name: str) -> str:
     """The name with `/` in place of Windows' separators."""
     return name.replace("\\", "/").removeprefix("./")
+
+
+def _compose(name: str) -> str:
+    """The name with each accented letter as one character: macOS stores letters and accents apart."""
+    return unicodedata.normalize("NFC", name)
 
 
 def to_rgba8(pixels: NDArray[np.uint8] | NDArray[np.uint16], *, opaque: bool) -> NDArray[np.uint8]:

@@ -46,8 +46,10 @@ def check_xml(data: bytes, name: str) -> None:
         raise Unreadable(f"{name}: its XML has a document type, which is not read; take it out")
 
 
-def read_stl(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:  # noqa: ARG001
+def read_stl(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
     """All solids of an ASCII or a binary STL as one surface, whose normals are computed: many writers leave them zero.
+
+    Colours, which are stored in two ways that contradict each other, are left out, with a note.
 
     Raises `Unreadable` where it is cut short, `TooLarge` over `limits`.
     """
@@ -72,6 +74,11 @@ def read_stl(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> l
                 f"{name}: a binary STL of {count:,} triangles in {len(data):,} bytes: cut short; give it again"
             )
         check_size(name, count, 3 * count, limits.triangles)
+        last = data[
+            _STL_HEADER + _STL_TRIANGLE - 1 : size : _STL_TRIANGLE
+        ]  # of each triangle; its highest bit: a colour
+        if b"COLOR=" in data[:80] or max(last, default=0) & 0x80:
+            resolver.add_note("the colours of an STL are left out; export it as PLY, OBJ or GLB")
         vertices = load_stl_binary(io.BytesIO(data[:size])).get("vertices", np.empty((0, 3)))
     return [Surface(vertices.astype(np.float64), np.arange(len(vertices)).reshape(-1, 3), color=DEFAULT_COLOR)]
 

@@ -141,7 +141,7 @@ def stl() -> list[bytes]:
 
 
 def ply() -> list[bytes]:
-    """ASCII, and binary in both byte orders; with colours, normals, mixed faces and a texture."""
+    """ASCII, and binary in both byte orders; colours, normals, mixed faces, a texture; faces of two textures."""
     head = "ply\nformat {} 1.0\ncomment TextureFile x.png\nelement vertex 4\n"
     head += "".join(f"property float {n}\n" for n in ("x", "y", "z", "nx", "ny", "nz", "s", "t"))
     head += "property uchar red\nproperty uchar green\nproperty uchar blue\n"
@@ -154,7 +154,12 @@ def ply() -> list[bytes]:
         data = b"".join(struct.pack(order + "8f3B", *row) for row in rows)
         data += struct.pack(order + "B3iB4i", 3, 0, 1, 2, 4, 0, 1, 2, 3)
         written.append(pack(head.format(name).encode() + data, picture))
-    return written
+    head = "ply\nformat ascii 1.0\ncomment TextureFile y.png\ncomment TextureFile x.png\nelement vertex 4\n"
+    head += "".join(f"property float {n}\n" for n in "xyz") + "element face 2\nproperty list uchar int vertex_indices\n"
+    head += "property list uchar float texcoord\nproperty int texnumber\nend_header\n"
+    body = "\n".join("{} {} {}".format(*corner) for corner in CORNERS)
+    body += "\n3 0 1 2 6 0 0 1 0 1 1 0\n4 0 1 2 3 8 0 0 1 0 1 1 0 1 1\n"
+    return [*written, pack((head + body).encode(), picture)]
 
 
 def dae() -> list[bytes]:

@@ -23,7 +23,7 @@ def pose() -> list[bytes]:
 @cache
 def documents() -> list[tuple[bytes, bytes]]:
     """All files of this module, as `a.gltf` and its `a.bin`."""
-    models = [_skinned(), _morphed(), _instanced(), *_list_packed(), *_list_textured()]
+    models = [_skinned(), _morphed(), _instanced(), *_list_packed(), *_list_textured(), *_list_painted()]
     return [(model.gltf("a.bin"), model.binary) for model in models]
 
 
@@ -133,6 +133,16 @@ def _list_textured() -> list[Model]:
         model.json["textures"] = [{"extensions": {extension: {"source": 0}}}]
         made.append(model)
     return made
+
+
+def _list_painted() -> list[Model]:
+    """A material whose specular colour counts, and one that is black but for the light that it emits."""
+    metal, lamp = Model(), Model(TEXCOORD_0=UV).texture(np.zeros((2, 2, 3), np.uint8))
+    values = {"diffuseFactor": [0, 0, 0, 1], "specularFactor": [1, 0.8, 0.3]}
+    metal.material["extensions"] = {"KHR_materials_pbrSpecularGlossiness": values}
+    lamp.material.update(emissiveFactor=[1, 0.5, 0], emissiveTexture={"index": 0}, alphaMode="MASK")
+    lamp.material["extensions"] = {"KHR_materials_emissive_strength": {"emissiveStrength": 2}}
+    return [metal, lamp]
 
 
 def ktx2() -> list[bytes]:

@@ -2,6 +2,7 @@ import io
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -126,6 +127,17 @@ def test_textures_beside_a_mesh_that_is_not_read_are_no_light_field(folder: str,
     with pytest.raises(UnsupportedType, match=r"set/.*source/model\.fbx: meshes of type \.fbx are not read; export"):
         read(pictures | {f"{folder}source/model.fbx": b"Kaydara"}, lenses=(2, 2))
     assert isinstance(read(pictures | {f"{folder}source/model.obj": OBJ}), Scene)
+
+
+@pytest.mark.parametrize("textures", [0, 1, 2, 4])
+@pytest.mark.parametrize("options", [{}, {"lenses": (2, 2)}])
+def test_a_mesh_that_is_not_read_is_named_where_textures_lie_beside_it(textures: int, options: dict[str, Any]) -> None:
+    files = {"chair.fbx": b"Kaydara"} | {f"chair_{number}.png": PNG for number in range(textures)}
+    end = "give them without it" if textures else r"\)"
+    with pytest.raises(UnsupportedType, match=rf"^set/chair\.fbx: meshes of type \.fbx are not read; .* GLB .*{end}$"):
+        read(files, **options)
+    if textures < 2:
+        assert isinstance(read(files | {"a.npy": make_npy()}), LightField)  # with a scene from which it was made
 
 
 @pytest.mark.parametrize("folder", ["", "textures/", "source/"])

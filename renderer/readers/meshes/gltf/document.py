@@ -26,6 +26,7 @@ DECODED = {
     "EXT_meshopt_compression",
     "EXT_texture_webp",
     "KHR_draco_mesh_compression",
+    "KHR_materials_emissive_strength",
     "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_transmission",
     "KHR_materials_unlit",
@@ -65,6 +66,8 @@ class Document:
     """Buffer views that were decompressed, by index."""
     unpacked_bytes: int = 0
     """Of them all."""
+    black_textures: dict[int, bool] = field(default_factory=dict)
+    """Whether a texture is black throughout, by index, as far as that was needed."""
 
     def item(self, kind: str, index: object) -> dict[str, Any]:
         """`json[kind][index]`, an object. Raises `Unreadable` where there is none."""
@@ -91,7 +94,7 @@ class Document:
         else:
             data = _decode_data_uri(uri, self.name)
             if data is None:
-                data = self.resolver.find(unquote(uri))
+                data = self._find_file(uri)
             if data is None:
                 why, remedy = self.resolver.explain_missing(unquote(uri))
                 raise Unreadable(
@@ -144,7 +147,14 @@ class Document:
         if "bufferView" in entry:
             return bytes(self.view(entry["bufferView"]))
         data = _decode_data_uri(entry["uri"], self.name)
+        if data is None:
+            data = self._find_file(entry["uri"])
         return self.resolver.find_or_note(unquote(entry["uri"]), "texture") if data is None else data
+
+    def _find_file(self, uri: str) -> bytes | None:
+        """The file that a URI names; some exporters leave out the quoting of `%` in names."""
+        data = self.resolver.find(unquote(uri))
+        return self.resolver.find(uri) if data is None and "%" in uri else data
 
 
 def parse(data: bytes, *, name: str, resolver: Resolver, max_triangles: int) -> Document:
@@ -176,7 +186,7 @@ def _decode_data_uri(uri: str, name: str) -> bytes | None:
     header, _, payload = uri.partition(",")
     if not header.endswith(";base64"):
         raise Unreadable(f"{name}: a data URI is not base64; export it again")
-    return base64.b64decode(payload)
+    return base64.b64decode(payload + "==")  # too much padding is ignored, too little is not
 
 
 def _check_extension(extension: str, name: str, resolver: Resolver, *, is_required: bool) -> None:

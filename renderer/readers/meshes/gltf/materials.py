@@ -21,6 +21,10 @@ _WRAPS: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
 
 TRANSMITTED = 0.9
 """Most of the light from behind that comes through clear glass: the rest stands for its reflections."""
+METAL = 0.25
+"""The largest specular colour of what is no metal, linear: gems have 0.17, metals 0.5 and more."""
+MAX_STRENGTH = 1e6
+"""The largest `emissiveStrength`: larger ones, which JSON may have, count as this one."""
 
 
 class Material:
@@ -31,32 +35,34 @@ class Material:
         self._document = document
         self.extensions: dict[str, Any] = entry.get("extensions", {})
         metallic = entry.get("pbrMetallicRoughness", {})
-        glossy = self.extensions.get("KHR_materials_pbrSpecularGlossiness", {})
-        factor = glossy.get("diffuseFactor") if glossy else metallic.get("baseColorFactor")
-        linear = np.nan_to_num(np.array(factor or (1.0, 1.0, 1.0, 1.0), np.float64))  # JSON as Python reads it has NaN
+        glossy = self.extensions.get("KHR_materials_pbrSpecularGlossiness")
+        factor = metallic.get("baseColorFactor") if glossy is None else glossy.get("diffuseFactor")
+        linear = _read_linear(factor or (1, 1, 1, 1))
         red, green, blue = (float(value) for value in encode_srgb(linear[:3]))
         self.color = red, green, blue, float(np.clip(linear[3], 0.0, 1.0))
-        self._take_texture(glossy.get("diffuseTexture") if glossy else metallic.get("baseColorTexture"))
+        self._take_texture(metallic.get("baseColorTexture") if glossy is None else glossy.get("diffuseTexture"))
         mode, self.alpha_cutoff = entry.get("alphaMode", "OPAQUE"), None
+        self._has_alpha = self._texture_has_alpha = mode != "OPAQUE"
         self.is_unlit = "KHR_materials_unlit" in self.extensions
-        emitted = np.nan_to_num(np.array(entry.get("emissiveFactor", (0.0, 0.0, 0.0)), np.float64))[:3]
-        emits = not self.is_unlit and bool((emitted > 0).any())
-        self.only_emits = emits and mode == "OPAQUE" and len(emitted) == 3 and not any(self.color[:3])
+        emitted = self._read_emitted(entry)
+        emits = not self.is_unlit and bool(emitted.any())
+        self.only_emits = emits and len(emitted) == 3 and self._is_black()
         """Whether it is black but for the light that it emits, whose colour and texture are then its own, unlit."""
         if self.only_emits:
-            red, green, blue = (float(value) for value in encode_srgb(emitted))
-            self.color, self.is_unlit = (red, green, blue, self.color[3]), True
-            self._take_texture(entry.get("emissiveTexture"))
-        elif emits:
-            document.resolver.add_note("light that a material emits is left out: its base colour is drawn")
+            self._replace(emitted, entry.get("emissiveTexture"))
+            self.is_unlit = True
+        else:
+            if glossy is not None:
+                self._take_specular(glossy, linear[:3])
+            if emits:
+                document.resolver.add_note("light that a material emits is left out: its base colour is drawn")
         if mode == "MASK":
-            self.alpha_cutoff = min(max(float(entry.get("alphaCutoff", 0.5)), 0.0), 1.0)
-        self._has_alpha = mode != "OPAQUE"
+            self.alpha_cutoff = max(float(entry.get("alphaCutoff", 0.5)), 0.0)  # above 1 nothing is left
         self.back: Back = "lit" if entry.get("doubleSided") is True else "hidden"
         transmitted = self._transmitted()
         self.is_see_through = mode == "BLEND" or transmitted > 0
         if transmitted:
-            self.color = red, green, blue, (self.color[3] if self._has_alpha else 1.0) * (1 - transmitted)
+            self.color = *self.color[:3], (self.color[3] if self._has_alpha else 1.0) * (1 - transmitted)
 
     def _take_texture(self, texture: dict[str, Any] | None) -> None:
         self._texture: Any = texture
@@ -64,6 +70,57 @@ class Material:
         channel = self._transform.get("texCoord", (texture or {}).get("texCoord", 0))
         self.texcoord = "" if texture is None else f"TEXCOORD_{channel}"
         """The attribute that holds the texture's coordinates; empty without a texture."""
+
+    def _take_specular(self, glossy: dict[str, Any], diffuse: NDArray[np.float64]) -> None:
+        """Replaces the diffuse colour of a metal, which is black, by its specular colour, with a note."""
+        texture = glossy.get("specularGlossinessTexture")
+        # By default specular is a mirror: a file that leaves it out has meant its diffuse colour.
+        specular = _read_linear(glossy.get("specularFactor", (0, 0, 0) if texture is None else (1, 1, 1)))
+        if specular.max(initial=0) <= METAL:
+            return
+        if self._is_black():
+            self._replace(specular, texture)
+        elif texture is None and self._texture is None:
+            self._replace(np.maximum(diffuse, specular), None)
+        else:
+            self._document.resolver.add_note(
+                "KHR_materials_pbrSpecularGlossiness: specular colours in textures, or beside them, are left out, so "
+                "that metals may be dark; export it with metallic-roughness materials"
+            )
+            return
+        self._document.resolver.add_note(
+            "KHR_materials_pbrSpecularGlossiness: metals are drawn in their specular colour"
+        )
+
+    def _read_emitted(self, entry: dict[str, Any]) -> NDArray[np.float64]:
+        """The emitted light, linear; over 1 it is scaled down, so that its hue stays."""
+        given = self.extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
+        strength = float(np.clip(np.nan_to_num(float(given)), 0.0, MAX_STRENGTH))
+        emitted = np.clip(_read_linear(entry.get("emissiveFactor", (0, 0, 0)))[:3], 0.0, 1.0) * strength
+        brightest: NDArray[np.float64] = emitted / max(1.0, emitted.max(initial=0.0))
+        return brightest
+
+    def _replace(self, color: NDArray[np.float64], texture: dict[str, Any] | None) -> None:
+        """Replaces the base colour by a linear one, but for its alpha, and its texture."""
+        red, green, blue = (float(value) for value in encode_srgb(color))
+        self.color = red, green, blue, self.color[3]
+        if self._has_alpha and self._texture != texture:  # only a base texture's fourth channel is alpha
+            self._texture_has_alpha = False
+            if self._texture is not None:
+                self._document.resolver.add_note(
+                    "the alpha of a texture is left out, as that is black: the specular or the emitted colour is drawn"
+                )
+        self._take_texture(texture)
+
+    def _is_black(self) -> bool:
+        """Whether its base colour, or the texture of that, is black throughout."""
+        if self._texture is None or not any(self.color[:3]):
+            return not any(self.color[:3])
+        known, index = self._document.black_textures, self._texture["index"]
+        if index not in known:
+            texture = self._read()
+            known[index] = texture is not None and not texture.pixels[..., :3].any()
+        return known[index]
 
     def _transmitted(self) -> float:
         """The share of the light from behind that `KHR_materials_transmission` lets through, with a note."""
@@ -100,17 +157,25 @@ class Material:
             return None
         sampler = document.item("samplers", entry["sampler"]) if "sampler" in entry else {}
         image = document.item("images", source)
+        if "bufferView" not in image and "uri" not in image:
+            document.resolver.add_note(f"texture image {source} is left out: it has no data; export it again")
+            return None
         uri = image.get("uri", "")
         embedded = "bufferView" in image or uri.startswith("data:")
         return document.resolver.decode_texture(
             lambda: document.image(image),
             key=f"buffer view {image['bufferView']}" if "bufferView" in image else uri,
             name=f"image {source}" if embedded else uri,
-            opaque=not self._has_alpha,
+            opaque=not self._texture_has_alpha,
             wrap_u=_WRAPS.get(sampler.get("wrapS", 10497), "repeat"),
             wrap_v=_WRAPS.get(sampler.get("wrapT", 10497), "repeat"),
             is_nearest=sampler.get("magFilter") == _NEAREST,
         )
+
+
+def _read_linear(factor: Any) -> NDArray[np.float64]:
+    """A colour of the file, without NaN, which JSON as Python reads it may have."""
+    return np.nan_to_num(np.array(factor, np.float64))
 
 
 def _find_source(texture: dict[str, Any]) -> Any:

@@ -154,7 +154,8 @@ def _read_differences(document: Document, index: object, count: int) -> NDArray[
 
 def _stored(document: Document, index: object, what: str) -> NDArray[Any]:
     """An accessor that has data: one without would be zeros, which make no surface."""
-    if "bufferView" not in document.item("accessors", index):
+    entry = document.item("accessors", index)
+    if "bufferView" not in entry and "sparse" not in entry:
         raise Unreadable(f"{document.name}: accessor {index}, of {what}, has no data; export it again")
     return read_accessor(document, index)
 

@@ -73,6 +73,31 @@ def test_a_texture_that_is_scaled_and_moved(options: bytes, scale: list[float], 
     assert scene.notes == ()
 
 
+def test_several_material_files_on_a_line() -> None:
+    text = TEXTURED.replace(b"a.mtl", b"b c.MTL  a.mtl")
+    scene = read(text, {"a.mtl": b"newmtl a\nKd 1 0 0", "b c.MTL": b"newmtl b"})
+    assert (scene.notes, scene.parts[0].colors[0, 1]) == ((), 0)
+    scene = read(text, {"b c.MTL  a.mtl": b"newmtl a\nKd 1 0 0", "a.mtl": b"newmtl a"})  # one name
+    assert (scene.notes, scene.parts[0].colors[0, 1]) == ((), 0)
+    assert read(text).notes == (
+        *(
+            f"material file {name} is missing and is left out; give a zip that holds it"
+            for name in ("b c.MTL", "a.mtl")
+        ),
+        "material a is missing: drawn light grey",
+    )
+
+
+@pytest.mark.parametrize("line", [b"", b"mtllib gone.mtl\n", b"mtllib\n"])
+def test_the_only_material_file_is_used_where_the_mesh_names_none_that_is_there(line: bytes) -> None:
+    text = line + TEXTURED.partition(b"\n")[2]
+    scene = read(text, {"b.MTL": b"newmtl a\nKd 1 0 0"})
+    assert scene.parts[0].colors[0, 1] == 0
+    assert scene.notes == ("no material file that the mesh names is there: m/b.MTL is used, the only one",)
+    for others in ({"b.mtl": b"newmtl c"}, {"b.mtl": b"newmtl a", "c.mtl": b"newmtl a"}):
+        assert read(text, others).notes[-1] == "material a is missing: drawn light grey"
+
+
 def test_keywords_in_capitals() -> None:
     text = TEXTURED.replace(b"mtllib", b"MTLLIB").replace(b"usemtl", b"UseMtl").replace(b"f 1", b"F 1")
     scene = read(text, {"a.mtl": b"newmtl a\nmap_Kd x.png", "x.png": PICTURE})
@@ -287,3 +312,5 @@ def test_material_files_have_a_limit() -> None:
     libraries = b"".join(b"mtllib %d.mtl\n" % i for i in range(obj.MAX_LIBRARIES + 1))
     with pytest.raises(TooLarge, match="101 material files; at most 100 are read; join them"):
         read(libraries + SQUARE + b"f 1 2 3\n")
+    with pytest.raises(TooLarge, match="101 material files; at most 100 are read; join them"):
+        read(libraries.replace(b"\nmtllib", b"") + SQUARE + b"f 1 2 3\n")

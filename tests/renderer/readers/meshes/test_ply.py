@@ -112,6 +112,75 @@ def test_texture_coordinates_of_vertices_and_of_faces() -> None:
         assert np.array_equal(part.uv[part.faces], part.vertices[part.faces][:, :, :2])
 
 
+TEXCOORD = FACE + "property list uchar float texcoord\n"
+SEVERAL = "".join(f"comment TextureFile {name}\n" for name in ("x.png", "y z.png", "gone.png"))
+
+
+@pytest.mark.parametrize("with_vertices", [True, False])
+def test_several_textures(with_vertices: bool) -> None:
+    rows, vertex, listed = PLAIN_ROWS, XYZ, ("6 0 0 1 0 1 1 ", "6 0 0 1 1 0 1 ")
+    if with_vertices:
+        rows, vertex, listed = (
+            [f"{row} {row[:3]}" for row in rows],
+            XYZ + "property float s\nproperty float t\n",
+            ("", ""),
+        )
+    face = (FACE if with_vertices else TEXCOORD) + "property int texnumber\n"
+    colour = "".join(f"property uchar {name}\n" for name in ("red", "green", "blue"))
+    data = ascii_square(vertex + colour, [f"{row} 255 0 0" for row in rows], face, "", SEVERAL)
+    data = data.replace(b"face 0", b"face 5")
+    data += f"3 0 1 2 {listed[0]}1\n3 0 2 3 {listed[1]}0\n".encode()
+    data += b"".join(b"3 0 1 2 " + listed[0].encode() + number + b"\n" for number in (b"-1", b"2", b"3"))
+    pictures = {"x.png": PICTURE, "y z.png": encode_png(np.full((2, 2, 3), 9, np.uint8))}
+    scene = read_mesh(".ply", data, pictures)
+    found = {None if part.texture is None else int(part.texture.pixels[0, 0, 0]): part for part in scene.parts}
+    assert found[None].colors[0, :3] == pytest.approx([FRONT, 0, 0])
+    assert [len(found[key].faces) for key in (None, 0, 9)] == [3, 1, 1]
+    for key, corners in ((0, [0, 2, 3]), (9, [0, 1, 2])):
+        part = found[key]
+        assert part.vertices[part.faces].tolist() == [SQUARE[corners].tolist()]
+        assert np.array_equal(part.uv[part.faces], part.vertices[part.faces][:, :, :2])
+        assert part.colors[0, 0] == pytest.approx(FRONT)
+    assert scene.notes == (
+        "texture gone.png is missing and is left out; give a zip that holds it",
+        "faces of textures that the header doesn't name are drawn without one",
+    )
+
+
+def test_faces_that_name_none_of_several_textures_have_the_first() -> None:
+    vertex = XYZ + "property float s\nproperty float t\n"
+    scene = read(ascii_square(vertex, [f"{row} {row[:3]}" for row in PLAIN_ROWS], comment=SEVERAL))
+    assert scene.parts[0].texture is not None
+    assert scene.notes == ("x.png is on all faces, as none names one of 3 textures",)
+
+
+def test_a_face_of_one_of_several_textures_that_names_no_vertex_is_refused() -> None:
+    vertex = XYZ + "property float s\nproperty float t\n"
+    rows = [f"{row} {row[:3]}" for row in PLAIN_ROWS]
+    face = FACE + "property int texnumber\n"
+    for number in (-1, 4):
+        data = ascii_square(vertex, rows, face, f"3 0 1 2 0\n3 0 2 {number} 5\n", SEVERAL)
+        assert_refused(".ply", data, "names a vertex that is not there|out of bounds", {"x.png": PICTURE})
+
+
+@pytest.mark.parametrize("polygons", [[[0, 1, 2, 3]], [[0, 1, 2], [0, 1, 2, 3]], [[1, 2, 3, 0], [0, 1, 2, 3]]])
+def test_texture_coordinates_of_polygons_of_any_lengths(polygons: list[list[int]]) -> None:
+    faces = ""
+    for polygon in polygons:
+        uv = [str(value) for corner in polygon for value in SQUARE[corner, :2]]
+        faces += " ".join([str(len(polygon)), *map(str, polygon), str(len(uv)), *uv]) + "\n"
+    scene = read(ascii_square(XYZ, PLAIN_ROWS, TEXCOORD, faces, "comment TextureFile x.png\n"))
+    (part,) = scene.parts
+    assert np.array_equal(part.uv[part.faces], part.vertices[part.faces][:, :, :2])
+    assert scene.notes == ()
+
+
+def test_texture_coordinates_that_are_not_two_for_each_corner_are_noted() -> None:
+    scene = read(ascii_square(XYZ, PLAIN_ROWS, TEXCOORD, "4 0 1 2 3 6 0 0 1 0 1 1\n", "comment TextureFile x.png\n"))
+    assert scene.parts[0].texture is None
+    assert scene.notes[0].startswith("texture coordinates of faces are left out: there must be two for each corner")
+
+
 def test_a_texture_without_coordinates_and_one_that_is_missing_are_noted() -> None:
     for name, note in (("x.png", "without texture coordinates"), ("gone.png", "is left out; give a zip that holds it")):
         scene = read(ascii_square(XYZ, PLAIN_ROWS, comment=f"comment TextureFile {name}\n"))

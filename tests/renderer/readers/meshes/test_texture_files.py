@@ -1,6 +1,8 @@
+import unicodedata
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers.bundle import Folder
@@ -46,6 +48,18 @@ def test_the_only_file_of_a_name_is_found_in_any_folder_and_case() -> None:
     for name in ("skin.png", "tex/SKIN.png", r"C:\work\skin.png", "../../skin.png"):
         assert resolver.find_or_note(name, "texture") == b"1"
     assert resolver.notes[0] == "skin.png is not there; textures/Skin.PNG is used, the only file of that name"
+
+
+@pytest.mark.parametrize("stored", ["NFC", "NFD"])
+@pytest.mark.parametrize("named", ["NFC", "NFD"])
+def test_names_with_accents_are_found_however_they_are_stored(named: str, stored: str) -> None:
+    key = unicodedata.normalize(stored, "m\xfcll/K\xf6rper.png")
+    name = unicodedata.normalize(named, "m\xfcll/K\xf6rper.png")
+    resolver = Resolver({"a.obj": b"", key: b"1", "other/" + key: b"2"}, "a.obj")
+    assert (resolver.find(name), resolver.notes, resolver.used) == (b"1", [], {key})
+    resolver = Resolver({"a.obj": b"", key: b"1"}, "a.obj")
+    assert resolver.find(name.upper().replace("/", "s/")) == b"1"
+    assert len(resolver.notes) == 1
 
 
 def test_a_name_that_two_files_have_is_missing() -> None:

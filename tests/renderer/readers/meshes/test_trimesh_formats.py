@@ -124,6 +124,13 @@ def test_binary_stl(text: bytes) -> None:
     assert scene.bounds().tolist() == [[0, 0, 0], [1, 1, 0]]
 
 
+@pytest.mark.parametrize(("text", "bits"), [(b"COLOR=\xff\0\0\xff", b"\0\0"), (b"", b"\x1f\x80"), (b"", b"\x1f\x7f")])
+def test_colours_of_stl_are_noted(text: bytes, bits: bytes) -> None:
+    scene = read_stl(binary(TRIANGLE + TRIANGLE[:-2] + bits + b"\xff" * 50, 2, text))
+    note = "the colours of an STL are left out; export it as PLY, OBJ or GLB"
+    assert scene.notes == ((note,) if text or bits[1] & 0x80 else ())
+
+
 @pytest.mark.parametrize("text", [b"", b"solid by a careless writer".ljust(80)])
 def test_stl_data_after_the_last_triangle_is_ignored(text: bytes) -> None:
     assert read_stl(binary(TRIANGLE + b"a writer's own data", 1, text)).triangles == 1

@@ -6,7 +6,8 @@ from PIL import Image
 
 from ciir.renderer.readers import pictures
 from ciir.renderer.shading import decode_srgb, encode_srgb
-from tests.support.meshes import FRONT
+from ciir.renderer.writers.pictures import encode_png
+from tests.support.meshes import FRONT, read_mesh
 from tests.support.meshes.gltf import PIXELS, UV, Model
 from tests.support.meshes.ktx2 import UASTC
 
@@ -19,6 +20,22 @@ def test_a_texture_that_is_not_there_or_no_picture_is_left_out_with_a_note(name:
     assert scene.parts[0].texture is None
     assert len(scene.notes) == 1
     assert (name.rpartition("/")[2] or "texture image 0 is left out") in scene.notes[0]
+
+
+def test_an_image_without_data_is_left_out_with_a_note() -> None:
+    model = Model(TEXCOORD_0=UV).texture()
+    model.json["images"] = [{"mimeType": "image/png"}]
+    scene = model.read()
+    assert scene.parts[0].texture is None
+    assert scene.notes == ("texture image 0 is left out: it has no data; export it again",)
+
+
+@pytest.mark.parametrize("name", ["a%20b.png", "a b.png"])
+def test_a_texture_whose_uri_is_quoted_or_not(name: str) -> None:
+    model = Model(TEXCOORD_0=UV).texture()
+    model.json["images"] = [{"uri": "a%20b.png"}]
+    scene = read_mesh(".glb", model.glb(), {name: encode_png(PIXELS)})
+    assert (scene.parts[0].texture is None, scene.notes) == (False, ())
 
 
 def test_a_texture_keeps_its_pixels_its_wrap_and_its_place() -> None:
@@ -80,6 +97,62 @@ def test_materials_of_extensions(name: str, values: dict[str, object], expected:
     assert model.read().parts[0].colors[0] == pytest.approx(expected)
 
 
+GLOSSY = "KHR_materials_pbrSpecularGlossiness"
+
+
+@pytest.mark.parametrize(
+    ("diffuse", "specular", "expected"),
+    [
+        ([0, 0, 0, 1], [1, 0.5, 0.3], [1, 0.5, 0.3]),
+        ([0.4, 0, 0, 1], [0.3, 0.3, 0.3], [0.4, 0.3, 0.3]),
+        ([1, 0, 0, 1], [0.04, 0.04, 0.04], [1, 0, 0]),  # no metal
+    ],
+)
+def test_a_metal_has_its_specular_colour(diffuse: list[float], specular: list[float], expected: list[float]) -> None:
+    model = Model()
+    model.material["extensions"] = {GLOSSY: {"diffuseFactor": diffuse, "specularFactor": specular}}
+    scene = model.read()
+    assert scene.parts[0].colors[0, :3] == pytest.approx(encode_srgb(np.array(expected)) * FRONT)
+    metal = (f"{GLOSSY}: metals are drawn in their specular colour",)
+    assert scene.notes == (() if expected == diffuse[:3] else metal)
+
+
+@pytest.mark.parametrize("mode", ["OPAQUE", "BLEND"])
+@pytest.mark.parametrize("has_texture", [True, False])
+def test_a_metal_whose_diffuse_colour_is_black_has_its_specular_texture(has_texture: bool, mode: str) -> None:
+    model = Model(TEXCOORD_0=UV).texture(np.zeros_like(PIXELS))
+    model.json["images"].append({"bufferView": model.view(encode_png(PIXELS))})
+    model.json["textures"].append({"source": 1})
+    diffuse = {"diffuseTexture": {"index": 0}} if has_texture else {"diffuseFactor": [0, 0, 0, 1]}
+    model.material["extensions"] = {GLOSSY: diffuse | {"specularGlossinessTexture": {"index": 1}}}
+    model.material["alphaMode"] = mode
+    scene = model.read()
+    (part,) = scene.parts
+    assert part.texture.pixels[..., :3].tolist() == PIXELS[..., :3].tolist()
+    assert part.texture.pixels[..., 3].min() == 255  # its fourth channel is glossiness
+    assert part.colors[0] == pytest.approx([FRONT, FRONT, FRONT, 1])
+    assert scene.notes[-1] == f"{GLOSSY}: metals are drawn in their specular colour"
+    assert len(scene.notes) == 1 + (has_texture and mode == "BLEND")
+    model.material["emissiveFactor"] = [0, 1, 0]  # a lamp of glass
+    assert model.read().parts[0].colors[0].tolist() == [0, 1, 0, 1]
+
+
+@pytest.mark.parametrize("values", [{"specularFactor": [1, 1, 1]}, {"specularGlossinessTexture": {"index": 0}}])
+def test_specular_colours_beside_diffuse_textures_are_noted(values: dict[str, object]) -> None:
+    model = Model(TEXCOORD_0=UV).texture()
+    model.material["extensions"] = {GLOSSY: {"diffuseTexture": {"index": 0}} | values}
+    scene = model.read()
+    assert np.array_equal(scene.parts[0].texture.pixels[..., :3], PIXELS[..., :3])
+    (note,) = scene.notes
+    assert note.startswith(f"{GLOSSY}: specular colours in textures, or beside them, are left out, so that")
+
+
+def test_an_extension_without_values_replaces_the_base_colour() -> None:
+    model = Model()
+    model.material |= {"pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, 1]}, "extensions": {GLOSSY: {}}}
+    assert model.read().parts[0].colors[0] == pytest.approx([FRONT, FRONT, FRONT, 1])
+
+
 def test_a_material_that_only_emits_light_has_its_colour_and_texture() -> None:
     model = Model(TEXCOORD_0=UV, COLOR_0=np.full((4, 3), 0.25, np.float32)).texture()
     model.material["pbrMetallicRoughness"] = {"baseColorFactor": [0, 0, 0, 1]}
@@ -88,8 +161,50 @@ def test_a_material_that_only_emits_light_has_its_colour_and_texture() -> None:
     (part,) = scene.parts
     assert (part.colors.tolist(), scene.notes) == ([[1, 1, 0, 1]] * 4, ())
     assert part.texture.pixels[..., :3].tolist() == PIXELS[..., :3].tolist()
-    model.material["alphaMode"] = "MASK"
+
+
+@pytest.mark.parametrize(("mode", "alpha"), [("MASK", 0.75), ("BLEND", 0.75), ("OPAQUE", 1)])
+def test_a_material_that_only_emits_light_keeps_its_alpha(mode: str, alpha: float) -> None:
+    model = Model(TEXCOORD_0=UV).texture()
+    texture = {"index": 0}
+    model.material["pbrMetallicRoughness"] = {"baseColorFactor": [0, 0, 0, 0.75]}
+    model.material.update(alphaMode=mode, emissiveFactor=[0, 1, 0])
+    scene = model.read()
+    assert (scene.parts[0].colors.tolist(), scene.notes) == ([[0, 1, 0, alpha]] * 4, ())
+    model.material["emissiveTexture"] = texture  # whose alpha is no part of the light
+    assert model.read().parts[0].texture.pixels[..., 3].min() == 255
+    model.material["pbrMetallicRoughness"]["baseColorTexture"] = texture
+    scene = model.read()
+    assert scene.parts[0].texture.pixels[..., 3].min() == (255 if mode == "OPAQUE" else 0)
+    assert scene.notes == ()
+    del model.material["emissiveTexture"]
+    note = "the alpha of a texture is left out, as that is black: the specular or the emitted colour is drawn"
+    assert model.read().notes == ((note,) if mode != "OPAQUE" else ())
+
+
+def test_a_black_texture_counts_as_black_where_a_material_emits_light() -> None:
+    black = np.zeros_like(PIXELS)
+    model = Model(TEXCOORD_0=UV).texture(black)
+    model.material["emissiveFactor"] = [0, 1, 0]
+    scene = model.read()
+    assert (scene.parts[0].colors.tolist(), scene.notes) == ([[0, 1, 0, 1]] * 4, ())
+    black[1, 1, 2] = 1
+    model = Model(TEXCOORD_0=UV).texture(black)
+    model.material["emissiveFactor"] = [0, 1, 0]
     assert model.read().notes == ("light that a material emits is left out: its base colour is drawn",)
+
+
+@pytest.mark.parametrize(
+    ("strength", "expected"), [(2, [0.5, 0.25, 0]), (8, [1, 0.5, 0]), (1e999, [1, 0.5, 0]), (-1, [0, 0, 0])]
+)
+def test_light_is_as_strong_as_the_extension_says_and_keeps_its_hue(strength: float, expected: list[float]) -> None:
+    model = Model()
+    model.material["pbrMetallicRoughness"] = {"baseColorFactor": [0, 0, 0, 1]}
+    model.material["emissiveFactor"] = [0.25, 0.125, 0]
+    model.material["extensions"] = {"KHR_materials_emissive_strength": {"emissiveStrength": strength}}
+    model.json["extensionsUsed"] = ["KHR_materials_emissive_strength"]
+    scene = model.read()
+    assert (scene.notes, scene.parts[0].colors[0, :3]) == ((), pytest.approx(encode_srgb(np.array(expected))))
 
 
 @pytest.mark.parametrize("emitted", [[1, 1], [1, 1, 0, 1]])
@@ -109,6 +224,12 @@ def test_light_that_a_material_emits_is_noted() -> None:
     assert model.read().notes == ("light that a material emits is left out: its base colour is drawn",)
     model.material["extensions"] = {"KHR_materials_unlit": {}}  # whose colour is the base colour alone
     assert model.read().notes == ()
+
+
+def test_a_cutoff_above_1_leaves_nothing() -> None:
+    model = Model()
+    model.material |= {"alphaMode": "MASK", "alphaCutoff": 1.5}
+    assert model.read().parts[0].alpha_cutoff == 1.5
 
 
 def test_mask_keeps_alpha_and_its_cutoff() -> None:

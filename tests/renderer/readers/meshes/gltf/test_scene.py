@@ -34,7 +34,16 @@ def test_buffers_embedded_and_beside() -> None:
     model = Model()
     embedded = "data:application/octet-stream;base64," + base64.b64encode(model.binary).decode()
     assert read_mesh(".gltf", model.gltf(embedded)).triangles == 2
-    assert read_mesh(".gltf", model.gltf("a%20b.bin"), {"a b.bin": model.binary}).triangles == 2
+    for name in ("a b.bin", "a%20b.bin"):
+        assert read_mesh(".gltf", model.gltf("a%20b.bin"), {name: model.binary}).triangles == 2
+
+
+@pytest.mark.parametrize("more", range(3))
+def test_base64_without_padding(more: int) -> None:
+    model = Model()
+    text = base64.b64encode(model.binary + bytes(more)).decode()
+    for given in (text, text.rstrip("=")):
+        assert read_mesh(".gltf", model.gltf("data:application/octet-stream;base64," + given)).triangles == 2
 
 
 @pytest.mark.parametrize(
@@ -96,6 +105,18 @@ def test_sparse_accessors() -> None:
         "values": {"bufferView": model.view(np.array([3, 4, 5], np.float32).tobytes())},
     }
     assert [3, 4, 5] in model.read().parts[0].vertices.tolist()
+
+
+def test_a_sparse_accessor_without_a_buffer_view_is_of_zeros() -> None:
+    model = Model()
+    accessor = model.json["accessors"][model.primitive["attributes"]["POSITION"]]
+    del accessor["bufferView"]
+    accessor["sparse"] = {
+        "count": 3,
+        "indices": {"bufferView": model.view(np.array([1, 2, 3], np.uint16).tobytes()), "componentType": 5123},
+        "values": {"bufferView": model.view(SQUARE[1:].tobytes())},
+    }
+    assert np.array_equal(model.read().parts[0].vertices, SQUARE)
 
 
 def test_quantised_positions() -> None:
