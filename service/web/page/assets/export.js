@@ -133,12 +133,12 @@ export function nameResult(kind, { views, stack, format }) {
 /**
  * Saves a result under the name of its input, what it is, and the end of its own name: the suffix, and the layout of a quilt.
  * @param {Response} response
- * @param {string} name
+ * @param {string} stem As `nameStem` gives it.
  * @param {string} what As `nameResult` gives it.
  */
-export async function saveResponse(response, name, what) {
+export async function saveResponse(response, stem, what) {
   const end = /filename="[0-9a-f]*([^"]*)"/.exec(response.headers.get("Content-Disposition") ?? "")?.[1] ?? "";
   const href = URL.createObjectURL(await response.blob());
-  make("a", "", { download: name.replace(/\.\w+$/, "") + what + end, href }).click();
+  make("a", "", { download: stem + what + end, href }).click();
   setTimeout(() => URL.revokeObjectURL(href), 60_000); // once it is read
 }
