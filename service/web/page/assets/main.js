@@ -9,7 +9,7 @@ import { clear, clearNotes, EXPORT, perform, run, showProblem, showStatus } from
 import { PLACE } from "./light_field.js";
 import { allowTurning, closeMesh, openMesh, watchPlace } from "./place.js";
 import { forgetJob, isUnfinished, watchRecent } from "./recent.js";
-import { fitSettings, LENSES, offerGrids, offerModels, readSettings, watchSettings } from "./settings.js";
+import { fitSettings, LENSES, mergeSettings, offerGrids, offerModels, readSettings, watchSettings } from "./settings.js";
 import { readState, replaceState } from "./state.js";
 import { KINDS, SENTENCES, TEXTS, writeTexts } from "./texts.js";
 
@@ -237,7 +237,7 @@ watchExport((plural, fields) => {
   const opened = input;
   if (!opened) return;
   void attempt(async (signal) => {
-    const made = makeFile(opened, plural, { ...readSettings(), ...fields }, TEXTS.export, signal);
+    const made = makeFile(opened, plural, mergeSettings(fields), TEXTS.export, signal);
     find("job", HTMLElement).scrollIntoView({ block: "nearest" });
     await saveResponse((await made).response, nameStem(opened), nameResult(plural, fields));
   }, "", EXPORT);

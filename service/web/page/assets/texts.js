@@ -87,6 +87,7 @@ export const TEXTS = {
   calibration: "Calibration of the display, a JSON file",
   display: "Panel and lenses, a TOML file",
   time: "Times in seconds, from : to : count",
+  rotate: "Turns to the right in degrees, from : to : count",
   stack: "Planes, from : to : count",
   disparity: "Disparity of the plane, in pixels a view",
   epi: "Row y=120, or column x=80",
@@ -139,6 +140,7 @@ export const KINDS = /** @type {Record<string, string>} */ ({
 export const GROUPS = /** @type {Record<string, string>} */ ({
   view: "The centre view",
   times: "The centre view of an animation",
+  turntable: "The centre view on a turntable",
   all: "All views",
   displays: "For displays",
   elementals: "Elemental image array of the mesh",
