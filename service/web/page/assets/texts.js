@@ -149,6 +149,24 @@ export const GROUPS = /** @type {Record<string, string>} */ ({
   disparities: "Depth",
 });
 
+/** What helps on the page, in place of remedies of the server that are for other programs. */
+const REMEDIES = /** @type {[RegExp, string][]} */ ([
+  [
+    /^\w+: .*(several times or yaws|make a video of one view).*/,
+    `Several times or turns make a video: choose "${GROUPS.times}" or "${GROUPS.turntable}" under ${TEXTS.export}. One time has a decimal point, as 0.5.`,
+  ],
+  [/; give a zip that holds it/, "; drop it together with the mesh, or a zip that holds both"],
+  [/(type \.(7z|bz2|rar|tar|t?gz|xz) are not read); .*/, "$1; unpack it, and drop what is in it"],
+]);
+
+/**
+ * What an error or a note of the server says, with what helps on the page.
+ * @param {string} text
+ */
+export function adaptRemedy(text) {
+  return REMEDIES.reduce((adapted, [pattern, remedy]) => adapted.replace(pattern, remedy), text);
+}
+
 /** Names of formats, where the format's own does not say what it is. */
 export const FORMATS = /** @type {Record<string, string>} */ ({
   png: "PNG",

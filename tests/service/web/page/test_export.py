@@ -110,6 +110,12 @@ def test_an_animated_mesh_is_shown_at_a_time_and_exported_at_several(page):
     choose(page, ("square.glb", model.glb()))
     wait_for_picture(page, 12, 18)
     before = page.locator("#frame img").screenshot()
+    set_field(page, "time", "0,5")
+    problem = page.get_by_role("alert")
+    expect(problem).to_contain_text(
+        '"The centre view of an animation" or "The centre view on a turntable" under Export'
+    )
+    expect(problem).to_contain_text("One time has a decimal point, as 0.5")
     set_field(page, "time", "0.5")
     page.wait_for_url("**time=0.5**")
     expect(page.locator("#status")).to_contain_text("Done in")

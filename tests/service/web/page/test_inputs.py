@@ -170,6 +170,25 @@ def test_a_folder_of_a_version_keeps_its_name_in_downloads_and_in_those_of_recen
         assert download.value.suggested_filename == "cube.v2_view.png"
 
 
+@pytest.mark.parametrize("name", ["a.rar", "a.7z", "a.tar.gz"])
+def test_an_archive_that_is_not_read_has_to_be_unpacked(page, name):
+    page.expected = ["415"]
+    choose(page, (name, b"Rar!\x1a\x07\x01\x00"))
+    suffix = Path(name).suffix
+    expected = f"{name}: files of type {suffix} are not read; unpack it, and drop what is in it"
+    expect(page.locator("#problem-detail")).to_have_text(expected)
+
+
+def test_a_texture_that_is_missing_can_be_dropped_together_with_the_mesh(page):
+    go_to(page, "#file=cube.obj&lenses=20x20&pixels=3x3&model=none")
+    page.reload()
+    choose(page, ("cube.obj", CUBE_OBJ.replace(f"{MARKUP}.mtl", "a.mtl").encode()))
+    wait_for_picture(page, 20, 20)
+    help_ = "a.mtl is missing and is left out; drop it together with the mesh, or a zip that holds both"
+    for place in ("#notes p", "#remarks li"):
+        assert help_ in " ".join(page.locator(place).all_text_contents())
+
+
 @pytest.mark.parametrize("way", ["folder", "zip"])
 def test_a_mesh_comes_with_its_files(page, tmp_path, way):
     folder = tmp_path / "cube"
