@@ -18,7 +18,7 @@ const PICTURES = ["png", "tiff", "jpeg", "webp"];
 const VIDEOS = ["mp4", "webm", "gif", "animated-webp"];
 const MESHES = ["mesh", "scene"];
 /** Options that some formats need, with an example if there is one; those in CHOICES are one of these, those in FILES the texts of files. */
-const EXAMPLES = /** @type {Record<string, string>} */ ({ stack: "-1:1:16", time: "0:1:24", epi: "" });
+const EXAMPLES = /** @type {Record<string, string>} */ ({ stack: "-1:1:16", time: "0:1:24", rotate: "0:360:60", epi: "" });
 /** Those of `renderer/displays/devices.py`. */
 export const CHOICES = /** @type {Record<string, string[]>} */ ({
   device: ["portrait", "go", "16-landscape", "16-portrait", "32-landscape", "32-portrait", "65", "8.9"],
@@ -29,6 +29,7 @@ const FILES = /** @type {Record<string, string>} */ ({ calibration: ".json", dis
 export const EXPORTS = {
   view: { kind: "reconstructions", formats: PICTURES },
   times: { kind: "reconstructions", formats: [...VIDEOS, "zip"], needs: ["time"], only: ["mesh"] },
+  turntable: { kind: "reconstructions", formats: [...VIDEOS, "zip"], needs: ["rotate"], only: MESHES },
   all: {
     kind: "reconstructions",
     formats: ["zip", "html", "tiles", "npz", "eia", "mosaic", "eslf", "stack", "npy", "mat", "mat73", "hci", ...VIDEOS],
@@ -124,21 +125,22 @@ export function watchExport(save) {
  * @param {string} kind Of its job.
  * @param {Record<string, string | Blob>} fields Of its form.
  */
-export function nameResult(kind, { views, stack, format }) {
+export function nameResult(kind, { views, stack, rotate, format }) {
   const isAnimation = kind === "reconstructions" && !PICTURES.includes(String(format)); // of one view
-  const what = views === "all" ? "_views" : stack ? "_planes" : isAnimation ? "_animation" : (ENDS[kind] ?? "");
+  const animation = String(rotate).includes(":") ? "_turntable" : "_animation";
+  const what = views === "all" ? "_views" : stack ? "_planes" : isAnimation ? animation : (ENDS[kind] ?? "");
   return NAMED.includes(String(format)) ? `${what}_${format}` : what;
 }
 
 /**
  * Saves a result under the name of its input, what it is, and the end of its own name: the suffix, and the layout of a quilt.
  * @param {Response} response
- * @param {string} name
+ * @param {string} stem As `nameStem` gives it.
  * @param {string} what As `nameResult` gives it.
  */
-export async function saveResponse(response, name, what) {
+export async function saveResponse(response, stem, what) {
   const end = /filename="[0-9a-f]*([^"]*)"/.exec(response.headers.get("Content-Disposition") ?? "")?.[1] ?? "";
   const href = URL.createObjectURL(await response.blob());
-  make("a", "", { download: name.replace(/\.\w+$/, "") + what + end, href }).click();
+  make("a", "", { download: stem + what + end, href }).click();
   setTimeout(() => URL.revokeObjectURL(href), 60_000); // once it is read
 }

@@ -5,7 +5,7 @@ import { showComparison } from "./compare.js";
 import { decodeImage, find, make } from "./dom.js";
 import { nameResult } from "./export.js";
 import { LensGrid } from "./grid.js";
-import { describe, makeForm, nameInput, readImage } from "./inputs.js";
+import { describe, makeForm, nameInput, nameStem, readImage } from "./inputs.js";
 import { clearNotes, perform, run, showReport, showStatus } from "./job.js";
 import { readGrid } from "./lenses.js";
 import { showLightField } from "./light_field.js";
@@ -228,7 +228,8 @@ export async function makeFile(input, plural, fields, what, signal, isKept = tru
   if (!input.scene && !input.file) throw new Error(SENTENCES.again(input.name));
   const start = async () => {
     const job = await Job.post(plural, makeForm(input, fields), signal);
-    const made = { name: nameInput(input), what, end: nameResult(plural, fields), url: job.url, hash: location.hash, state: job.status.state };
+    const named = { name: nameInput(input), what, stem: nameStem(input), end: nameResult(plural, fields) };
+    const made = { ...named, url: job.url, hash: location.hash, state: job.status.state };
     if (isKept) keepJob(made, fields);
     return job;
   };

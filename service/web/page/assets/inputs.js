@@ -12,6 +12,7 @@ import { writeZip } from "./zip.js";
  * @property {string} [scene] A shipped scene, in place of a file.
  * @property {File} [file]
  * @property {{name: string, file: File}[]} [parts] The files of one that holds several.
+ * @property {boolean} [isFolder] Whether the name is a folder's.
  */
 
 /** @typedef {import("./lenses.js").RawGrid} RawGrid */
@@ -28,10 +29,11 @@ import { writeZip } from "./zip.js";
  * @property {string[]} notes
  */
 
+export const MESH = /\.(glb|vrm|gltf|ply|stl|off|obj|dae|3mf)$/i; // as `renderer/readers/registry.py`
 const COMPANION = /\.(mtl|bin|png|jpe?g|webp|tga|bmp|gif|tiff?|exr|hdr|ktx2|dds)$/i; // of a mesh
 
 /**
- * Several files are named after their folder, or the mesh among them.
+ * Several files are named after the folder of them all, or the mesh among them.
  * @param {{name: string, file: File}[]} files With their paths as names.
  * @returns {Promise<Input>}
  */
@@ -39,10 +41,12 @@ export async function joinFiles(files) {
   if (files.length === 0) throw new Error(TEXTS.noFiles);
   if (files.length === 1) return { name: files[0].name, file: files[0].file };
   const sorted = [...files].sort((a, b) => (a.name < b.name ? -1 : 1)); // the same files are the same job
-  const mains = sorted.filter((each) => !COMPANION.test(each.name));
-  const folder = /^[^/]+(?=\/)/.exec(sorted[0].name)?.[0];
-  const name = folder ?? (mains.length === 1 ? mains[0].name : SENTENCES.files(sorted.length));
-  return { name, file: new File([await writeZip(sorted)], `${name}.zip`), parts: sorted };
+  const meshes = sorted.filter((each) => MESH.test(each.name)), others = sorted.filter((each) => !COMPANION.test(each.name));
+  const main = [meshes, others].find((each) => each.length === 1)?.[0].name.split("/").at(-1);
+  const [folder] = sorted[0].name.split("/");
+  const isFolder = sorted.every((each) => each.name.startsWith(`${folder}/`));
+  const name = isFolder ? folder : (main ?? SENTENCES.files(sorted.length));
+  return { name, file: new File([await writeZip(sorted)], `${name}.zip`), parts: sorted, isFolder };
 }
 
 /**
@@ -51,6 +55,14 @@ export async function joinFiles(files) {
  */
 export function nameInput(input) {
   return input.scene ? (TEXTS[/** @type {"vase"} */ (input.scene)] ?? input.scene) : input.name;
+}
+
+/**
+ * The name of an input without its suffix, which that of a folder has none of.
+ * @param {Input} input
+ */
+export function nameStem(input) {
+  return input.isFolder ? input.name : nameInput(input).replace(/\.\w+$/, "");
 }
 
 /**

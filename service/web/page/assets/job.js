@@ -3,7 +3,7 @@
 import { isEnded, Problem } from "./client.js";
 import { find, make } from "./dom.js";
 import { markJob } from "./recent.js";
-import { SENTENCES, STAGES, TEXTS } from "./texts.js";
+import { adaptRemedy, SENTENCES, STAGES, TEXTS } from "./texts.js";
 
 /** @typedef {import("./client.js").Job} Job */
 /** @typedef {import("./client.js").Status} Status */
@@ -219,7 +219,7 @@ export function showProblem(error, name, retry) {
   const { status, detail } = error instanceof Problem ? error : { status: -1, detail: "" };
   showStatus("");
   find("problem-text", HTMLElement).textContent = message;
-  find("problem-detail", HTMLElement).textContent = detail.replace(UPLOAD, () => name);
+  find("problem-detail", HTMLElement).textContent = adaptRemedy(detail).replace(UPLOAD, () => name);
   find("key-form", HTMLFormElement).hidden = status !== 401;
   const again = find("retry", HTMLButtonElement);
   again.hidden = status === 401 || (status >= 400 && status < 500 && ![404, 408, 409, 410, 429].includes(status));
@@ -244,9 +244,11 @@ function hideProblem() {
  * @param {Status} status
  */
 export function showReport(status) {
-  const { timings_ms: timings = {}, plan, notes: found } = status.report ?? {};
+  const { timings_ms: timings = {}, plan, notes } = status.report ?? {};
+  /** @type {string[]} */
+  const found = (notes ?? []).map((/** @type {unknown} */ note) => adaptRemedy(String(note)));
   const shownNotes = [PICTURE, EXPORT].flatMap(({ notes }) => [...notes.children].map((note) => note.textContent));
-  const added = [...new Set((found ?? []).map(String))].filter((note) => !OWN_NOTES.test(note) && !shownNotes.includes(note));
+  const added = [...new Set(found)].filter((note) => !OWN_NOTES.test(note) && !shownNotes.includes(note));
   place.notes.append(...added.map((note) => make("p", note)));
   if (place === EXPORT) return;
   const shown = Object.entries(timings).filter(([stage]) => stage in STAGES);
@@ -263,7 +265,7 @@ export function showReport(status) {
   );
   const { predicted_ms: predicted } = plan ?? {};
   const estimate = predicted && timings.total ? [SENTENCES.estimate(SENTENCES.time(timings.total), SENTENCES.time(predicted))] : [];
-  const remarks = [...estimate, ...(found ?? []), ...(plan?.reasons ?? [])].map((remark) => make("li", String(remark)));
+  const remarks = [...estimate, ...found, ...(plan?.reasons ?? [])].map((remark) => make("li", String(remark)));
   find("remarks", HTMLElement).replaceChildren(...remarks);
   details.hidden = false;
 }

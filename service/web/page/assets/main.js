@@ -4,12 +4,12 @@ import { isEnded, Job, Problem, request, setKey } from "./client.js";
 import { find, make } from "./dom.js";
 import { nameResult, offerFormats, saveResponse, watchExport } from "./export.js";
 import { fill, makeFile, makeShown, showPicture, showViews } from "./frame.js";
-import { describe, joinFiles, listChosen, listDropped, nameInput } from "./inputs.js";
+import { describe, joinFiles, listChosen, listDropped, nameInput, nameStem } from "./inputs.js";
 import { clear, clearNotes, EXPORT, perform, run, showProblem, showStatus } from "./job.js";
 import { PLACE } from "./light_field.js";
 import { allowTurning, closeMesh, openMesh, watchPlace } from "./place.js";
 import { forgetJob, isUnfinished, watchRecent } from "./recent.js";
-import { fitSettings, LENSES, offerGrids, offerModels, readSettings, watchSettings } from "./settings.js";
+import { fitSettings, LENSES, mergeSettings, offerGrids, offerModels, readSettings, watchSettings } from "./settings.js";
 import { readState, replaceState } from "./state.js";
 import { KINDS, SENTENCES, TEXTS, writeTexts } from "./texts.js";
 
@@ -167,7 +167,7 @@ function reopen(entry) {
     }
   };
   const download = (/** @type {import("./job.js").Place | undefined} */ place) =>
-    void attempt(async (signal) => saveResponse(await fetchResult(signal), entry.name, entry.end ?? ""), entry.name, place);
+    void attempt(async (signal) => saveResponse(await fetchResult(signal), entry.stem ?? entry.name, entry.end ?? ""), entry.name, place);
   const isExport = entry.what === TEXTS.export;
   if (!isExport && new URLSearchParams(entry.hash.slice(1)).has("scene")) return goTo(entry.hash);
   if (isExport && !isUnfinished(entry)) return download(EXPORT);
@@ -237,9 +237,9 @@ watchExport((plural, fields) => {
   const opened = input;
   if (!opened) return;
   void attempt(async (signal) => {
-    const made = makeFile(opened, plural, { ...readSettings(), ...fields }, TEXTS.export, signal);
+    const made = makeFile(opened, plural, mergeSettings(fields), TEXTS.export, signal);
     find("job", HTMLElement).scrollIntoView({ block: "nearest" });
-    await saveResponse((await made).response, nameInput(opened), nameResult(plural, fields));
+    await saveResponse((await made).response, nameStem(opened), nameResult(plural, fields));
   }, "", EXPORT);
 });
 for (const field of modes) field.addEventListener("change", () => void show());

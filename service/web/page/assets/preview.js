@@ -2,7 +2,7 @@
 /** A mesh as the centre view shows it, drawn by three.js in the browser: placed as `renderer/framing.py` does. */
 import {
   AmbientLight, DirectionalLight, DoubleSide, Group, LoadingManager, Matrix4, Mesh, MeshBasicMaterial, MeshLambertMaterial,
-  MeshPhongMaterial, OrthographicCamera, Scene, Vector3, WebGLRenderer,
+  MeshPhongMaterial, OrthographicCamera, Scene, Triangle, Vector3, WebGLRenderer,
 } from "three";
 
 const FILL = 0.94, CLEARANCE = 0.05; // shares, of `renderer/framing.py`
@@ -10,8 +10,11 @@ const TANGENT_RANGE = 0.4; // over an elemental image, of `renderer/lens_array.p
 const AMBIENT = 0.3 * Math.PI, DIFFUSE = 0.7 * Math.PI; // about 0.6 and 0.4 of `renderer/shading.py`, in linear light
 const LIGHT = [-0.4, 0.6, 0.7];
 const GREY = 0xcccccc;
-const MOST_POINTS = 200_000; // that decide the size: of more vertices, some are left out
+const MOST_POINTS = 200_000; // that decide the size: of more corners of triangles, some are left out
+const ZERO_AREA = 1e-12; // times the longest edge squared, of `renderer/surface.py`
 const MOST_PIXELS = 1024; // along a side
+/** Extensions of glTF that three.js shows otherwise than the server. */
+const UNLIKE = ["EXT_texture_avif", "KHR_materials_pbrSpecularGlossiness", "KHR_materials_transmission", "KHR_node_visibility"];
 
 /** @typedef {{name: string, file: File}} Named */
 /** @typedef {{rows: number, cols: number, v: number, u: number, up: string, rotate: number[], zoom: number, place: number}} Stand */
@@ -41,7 +44,9 @@ const READERS = {
  */
 async function readGltf(manager, data) {
   const { GLTFLoader } = await import("three/addons/loaders/GLTFLoader.js");
-  return (await new GLTFLoader(manager).parseAsync(data, "")).scene;
+  const { scene, parser } = await new GLTFLoader(manager).parseAsync(data, "");
+  if (UNLIKE.some((name) => parser.json.extensionsUsed?.includes(name))) throw new Error();
+  return scene;
 }
 
 /** @param {any} geometry */
@@ -79,14 +84,14 @@ export class Preview {
     if (main < 0) throw new Error();
     const manager = new LoadingManager();
     /** @type {Map<string, string>} */
-    const addresses = new Map(files.map(({ name, file }) => [name.split("/").at(-1) ?? "", URL.createObjectURL(file)]));
+    const addresses = new Map(files.map(({ name, file }) => [name, URL.createObjectURL(file)]));
     manager.setURLModifier((/** @type {string} */ url) =>
-      /^(blob|data):/.test(url) ? url : (addresses.get(decodeURIComponent(url).split("/").at(-1) ?? "") ?? "data:,"),
+      /^(blob|data):/.test(url) ? url : (addresses.get(findFile([...addresses.keys()], url, files[main].name) ?? "") ?? "data:,"),
     );
     try {
       const object = await READERS[suffixes[main]](manager, await files[main].file.arrayBuffer());
-      const meshes = prepare(object);
-      this.points = collectPoints(meshes);
+      this.points = collectPoints(prepare(object));
+      if (this.points.length === 0) throw new Error();
       this.holder.add(object);
     } finally {
       for (const address of addresses.values()) URL.revokeObjectURL(address);
@@ -118,10 +123,25 @@ export class Preview {
 }
 
 /**
+ * The file that a mesh names: as `Resolver.find` of `renderer/readers/meshes/texture_files.py`.
+ * @param {string[]} names Of all files, with their paths.
+ * @param {string} url
+ * @param {string} main The mesh.
+ */
+function findFile(names, url, main) {
+  const path = decodeURIComponent(url).replaceAll("\\", "/"), folder = main.slice(0, main.lastIndexOf("/") + 1);
+  const whole = new URL((folder + path).split("/").map(encodeURIComponent).join("/"), "file:///").pathname; // without . and ..
+  const getOwn = (/** @type {string} */ name) => name.slice(name.lastIndexOf("/") + 1);
+  const alike = names.filter((name) => getOwn(name).toLowerCase() === getOwn(path).toLowerCase());
+  const likely = [decodeURIComponent(whole).slice(1), folder + getOwn(path), ...(alike.length === 1 ? alike : [])];
+  return likely.find((name) => names.includes(name));
+}
+
+/**
  * Gives an object the server's light, and leaves out what is no triangle.
  * @param {any} object
  * @returns {any[]} Its meshes.
- * @throws {Error} Where there is none, or copies of one, which the server alone places.
+ * @throws {Error} Where there are copies of one, which the server alone places, or what `light` refuses.
  */
 function prepare(object) {
   /** @type {any[]} */
@@ -136,32 +156,43 @@ function prepare(object) {
     node.frustumCulled = false;
     meshes.push(node);
   });
-  if (meshes.length === 0) throw new Error();
   return meshes;
 }
 
-/** @param {any} material Of a glTF file standard or basic, of others Phong: without colours they are grey. */
-function light({ isMeshPhongMaterial, isMeshBasicMaterial, map, color, vertexColors, transparent, opacity, alphaTest, flatShading }) {
+/**
+ * @param {any} material Of a glTF file standard or basic, of others Phong: without colours they are grey.
+ * @throws {Error} For a texture that is scaled unevenly and turned: three.js turns it first.
+ */
+function light(material) {
+  const { isMeshPhongMaterial, isMeshBasicMaterial, flatShading, emissive = [], emissiveMap, transparent, opacity, alphaTest } = material;
+  let { map, color, vertexColors } = material;
   if (isMeshPhongMaterial && !vertexColors) color.set(GREY);
+  const isBlack = [...color].every((value) => value === 0), emits = [...emissive].some((value) => value > 0);
+  const onlyEmits = isBlack && emits && !transparent && !alphaTest; // as of `renderer/readers/meshes/gltf/materials.py`
+  if (onlyEmits) [map, color, vertexColors] = [emissiveMap, emissive, false];
+  if (map?.rotation && map.repeat.x !== map.repeat.y) throw new Error();
   const given = { map, color, vertexColors, transparent, opacity, alphaTest, side: DoubleSide };
-  return isMeshBasicMaterial ? new MeshBasicMaterial(given) : new MeshLambertMaterial({ ...given, flatShading });
+  return isMeshBasicMaterial || onlyEmits ? new MeshBasicMaterial(given) : new MeshLambertMaterial({ ...given, flatShading });
 }
 
 /**
- * The vertices of triangles, in the object's coordinates, x, y and z one after the other.
+ * The corners of triangles that have an area, in the object's coordinates, x, y and z one after the other.
  * @param {any[]} meshes
  */
 function collectPoints(meshes) {
   const sizes = meshes.map(({ geometry }) => (geometry.index ?? geometry.attributes.position).count);
-  const step = Math.ceil(sizes.reduce((sum, size) => sum + size, 0) / MOST_POINTS);
+  const step = 3 * Math.ceil(sizes.reduce((sum, size) => sum + size, 0) / MOST_POINTS);
   /** @type {number[]} */
   const points = [];
-  const point = new Vector3();
+  const triangle = new Triangle(), { a, b, c } = triangle;
   for (const [number, mesh] of meshes.entries()) {
     const { index } = mesh.geometry;
-    for (let place = 0; place < sizes[number]; place += step) {
-      mesh.getVertexPosition(index ? index.getX(place) : place, point).applyMatrix4(mesh.matrixWorld);
-      points.push(point.x, point.y, point.z);
+    for (let place = 0; place + 2 < sizes[number]; place += step) {
+      for (const [corner, point] of [a, b, c].entries()) {
+        mesh.getVertexPosition(index ? index.getX(place + corner) : place + corner, point).applyMatrix4(mesh.matrixWorld);
+      }
+      const longest = Math.max(a.distanceToSquared(b), b.distanceToSquared(c), c.distanceToSquared(a));
+      if (2 * triangle.getArea() > ZERO_AREA * longest) points.push(...a, ...b, ...c);
     }
   }
   return Float32Array.from(points);

@@ -16,7 +16,8 @@ let open = () => {};
  * @typedef {object} Made What a job makes.
  * @property {string} name Of its input.
  * @property {string} what
- * @property {string} [end] Of the name of its download.
+ * @property {string} [stem] What the name of its download begins with.
+ * @property {string} [end] What it goes on with.
  * @property {string} url Its path.
  * @property {string} hash The page's settings.
  * @property {string} [state] As it was last seen.

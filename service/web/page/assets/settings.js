@@ -71,6 +71,17 @@ export function readSettings() {
 }
 
 /**
+ * The settings, over which others win; several yaws keep the tilt and the roll.
+ * @param {Record<string, string | Blob>} fields
+ */
+export function mergeSettings(fields) {
+  const settings = readSettings();
+  const [, ...angles] = settings.rotate?.split(",") ?? [];
+  const isYaw = fields.rotate && !String(fields.rotate).includes(",");
+  return { ...settings, ...fields, ...(isYaw ? { rotate: [fields.rotate, ...angles].join(",") } : {}) };
+}
+
+/**
  * Fills the form in.
  * @param {Record<string, string>} settings What it lacks becomes the default.
  */

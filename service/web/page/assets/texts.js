@@ -87,6 +87,7 @@ export const TEXTS = {
   calibration: "Calibration of the display, a JSON file",
   display: "Panel and lenses, a TOML file",
   time: "Times in seconds, from : to : count",
+  rotate: "Turns to the right in degrees, from : to : count",
   stack: "Planes, from : to : count",
   disparity: "Disparity of the plane, in pixels a view",
   epi: "Row y=120, or column x=80",
@@ -139,6 +140,7 @@ export const KINDS = /** @type {Record<string, string>} */ ({
 export const GROUPS = /** @type {Record<string, string>} */ ({
   view: "The centre view",
   times: "The centre view of an animation",
+  turntable: "The centre view on a turntable",
   all: "All views",
   displays: "For displays",
   elementals: "Elemental image array of the mesh",
@@ -146,6 +148,24 @@ export const GROUPS = /** @type {Record<string, string>} */ ({
   stack: "A stack of depth planes",
   disparities: "Depth",
 });
+
+/** What helps on the page, in place of remedies of the server that are for other programs. */
+const REMEDIES = /** @type {[RegExp, string][]} */ ([
+  [
+    /^\w+: .*(several times or yaws|make a video of one view).*/,
+    `Several times or turns make a video: choose "${GROUPS.times}" or "${GROUPS.turntable}" under ${TEXTS.export}. One time has a decimal point, as 0.5.`,
+  ],
+  [/; give a zip that holds it/, "; drop it together with the mesh, or a zip that holds both"],
+  [/(type \.(7z|bz2|rar|tar|t?gz|xz) are not read); .*/, "$1; unpack it, and drop what is in it"],
+]);
+
+/**
+ * What an error or a note of the server says, with what helps on the page.
+ * @param {string} text
+ */
+export function adaptRemedy(text) {
+  return REMEDIES.reduce((adapted, [pattern, remedy]) => adapted.replace(pattern, remedy), text);
+}
 
 /** Names of formats, where the format's own does not say what it is. */
 export const FORMATS = /** @type {Record<string, string>} */ ({

@@ -110,6 +110,12 @@ def test_an_animated_mesh_is_shown_at_a_time_and_exported_at_several(page):
     choose(page, ("square.glb", model.glb()))
     wait_for_picture(page, 12, 18)
     before = page.locator("#frame img").screenshot()
+    set_field(page, "time", "0,5")
+    problem = page.get_by_role("alert")
+    expect(problem).to_contain_text(
+        '"The centre view of an animation" or "The centre view on a turntable" under Export'
+    )
+    expect(problem).to_contain_text("One time has a decimal point, as 0.5")
     set_field(page, "time", "0.5")
     page.wait_for_url("**time=0.5**")
     expect(page.locator("#status")).to_contain_text("Done in")
@@ -125,6 +131,20 @@ def test_an_animated_mesh_is_shown_at_a_time_and_exported_at_several(page):
         button.click()
     assert download.value.suggested_filename == "square_animation.gif"
     assert open_picture(download.value.path().read_bytes()) == (5, 12, 18, 3)
+
+
+def test_a_mesh_turns_on_a_turntable(page):
+    go_to(page, "#scene=vase&lenses=12x18&pixels=3x3&model=none&rotate=30,20,10&show=mapped")
+    wait_for_picture(page, 12, 18)
+    page.locator("#format").select_option("turntable/gif")
+    yaws = page.get_by_label("Turns to the right")
+    expect(yaws).to_have_value("0:360:60")
+    yaws.fill("0:360:4")
+    with page.expect_request("**/v1/reconstructions") as posted, page.expect_download() as download:
+        page.get_by_role("button", name="Download").click()
+    assert re.search(r'name="rotate"\r\n\r\n0:360:4,20,10\r', posted.value.post_data)
+    assert download.value.suggested_filename == "Vase_turntable.gif"
+    assert open_picture(download.value.path().read_bytes()) == (4, 12, 18, 3)
 
 
 def test_every_format_of_the_server_is_offered(page):
@@ -148,21 +168,21 @@ def test_every_looking_glass_is_offered(page):
 def test_downloads_of_one_input_have_different_names(page):
     script = """import("/assets/export.js").then(({ EXPORTS, nameResult }) => Object.values(EXPORTS).flatMap(
         ({ kind, formats, fields, needs = [] }) => formats.map((format) => [
-            nameResult(kind, { ...fields, ...Object.fromEntries(needs.map((need) => [need, "1"])), format }),
+            nameResult(kind, { ...fields, ...Object.fromEntries(needs.map((need) => [need, "0:1:2"])), format }),
             format])))"""
     names = [end + FILE_TYPES[format_].suffix for end, format_ in page.evaluate(script)]
     assert sorted(set(names)) == sorted(names)
 
 
 def test_a_name_keeps_the_layout_of_a_quilt_and_nothing_of_a_path(page):
-    save = """([name, sent]) => import("/assets/export.js").then(({ saveResponse }) => saveResponse(
-        new Response("", { headers: { "Content-Disposition": `attachment; filename="0f1e${sent}"` } }), name, ""))"""
-    for name, sent, saved in (
+    save = """([stem, sent]) => import("/assets/export.js").then(({ saveResponse }) => saveResponse(
+        new Response("", { headers: { "Content-Disposition": `attachment; filename="0f1e${sent}"` } }), stem, ""))"""
+    for stem, sent, saved in (
         ("vase", "_qs11x6a0.5625.png", "vase_qs11x6a0.5625.png"),
-        ("../../<b>.obj", ".png", re.compile(r"[^/\\<>]*\.png")),
+        ("../../<b>", ".png", re.compile(r"[^/\\<>]*\.png")),
     ):
         with page.expect_download() as download:
-            page.evaluate(save, [name, sent])
+            page.evaluate(save, [stem, sent])
         assert re.fullmatch(saved, download.value.suggested_filename)
 
 

@@ -7,6 +7,7 @@ from urllib.parse import quote
 import pytest
 from playwright.sync_api import expect
 
+from ciir.renderer.readers.registry import SUFFIXES, is_mesh
 from ciir.renderer.writers.pictures import encode_png
 from tests.support.browser import needs_browser
 from tests.support.browser.page import choose, drop, go_to, wait_for_picture
@@ -127,6 +128,65 @@ def test_a_mesh_gives_its_files_their_name(page):
     choose(page, ("a.mtl", f"newmtl {MARKUP}\n".encode()), ("cube.obj", mesh.encode()))
     wait_for_picture(page, 40, 40)
     expect(page.locator("#name")).to_have_text("cube.obj")
+
+
+@pytest.mark.parametrize(
+    ("files", "name", "stem"),
+    [
+        (["duck.v2.glb"], "duck.v2.glb", "duck.v2"),
+        (["truck.v2/scene.gltf", "truck.v2/scene.bin"], "truck.v2", "truck.v2"),
+        (["scene.gltf", "scene.bin", "license.txt", "Textures/a.png"], "scene.gltf", "scene"),
+        (["source/Cube.OBJ", "source/cube.mtl", "textures/a.png"], "Cube.OBJ", "Cube"),
+        (["a.png", "more/b.png"], "2 files", "2 files"),
+        (["a.obj", "b.obj", "more/c.png"], "3 files", "3 files"),
+    ],
+)
+def test_files_are_named_after_the_folder_of_all_or_the_mesh(page, files, name, stem):
+    script = """(names) => import("/assets/inputs.js").then(async ({ joinFiles, nameInput, nameStem }) => {
+        const input = await joinFiles(names.map((name) => ({ name, file: new File([], name.split("/").at(-1)) })));
+        return [nameInput(input), nameStem(input)];
+    })"""
+    assert page.evaluate(script, files) == [name, stem]
+
+
+def test_the_page_knows_the_suffixes_of_meshes(page):
+    script = """(names) => import("/assets/inputs.js").then(({ MESH }) => names.filter((name) => MESH.test(name)))"""
+    assert set(page.evaluate(script, [f"a{suffix}" for suffix in SUFFIXES])) == {
+        f"a{suffix}" for suffix in SUFFIXES if is_mesh(f"a{suffix}")
+    }
+
+
+def test_a_folder_of_a_version_keeps_its_name_in_downloads_and_in_those_of_recent_jobs(page, tmp_path):
+    go_to(page, "#file=cube.v2&lenses=20x20&pixels=3x3&model=none")
+    page.reload()
+    (tmp_path / "cube.v2").mkdir()
+    for name in ("cube.off", "license.txt"):
+        (tmp_path / "cube.v2" / name).write_bytes(CUBE)
+    drop(page, tmp_path / "cube.v2")
+    wait_for_picture(page, 20, 20)
+    for button in (page.get_by_role("button", name="Download"), page.get_by_role("button", name="cube.v2: export")):
+        with page.expect_download() as download:
+            button.click()
+        assert download.value.suggested_filename == "cube.v2_view.png"
+
+
+@pytest.mark.parametrize("name", ["a.rar", "a.7z", "a.tar.gz"])
+def test_an_archive_that_is_not_read_has_to_be_unpacked(page, name):
+    page.expected = ["415"]
+    choose(page, (name, b"Rar!\x1a\x07\x01\x00"))
+    suffix = Path(name).suffix
+    expected = f"{name}: files of type {suffix} are not read; unpack it, and drop what is in it"
+    expect(page.locator("#problem-detail")).to_have_text(expected)
+
+
+def test_a_texture_that_is_missing_can_be_dropped_together_with_the_mesh(page):
+    go_to(page, "#file=cube.obj&lenses=20x20&pixels=3x3&model=none")
+    page.reload()
+    choose(page, ("cube.obj", CUBE_OBJ.replace(f"{MARKUP}.mtl", "a.mtl").encode()))
+    wait_for_picture(page, 20, 20)
+    help_ = "a.mtl is missing and is left out; drop it together with the mesh, or a zip that holds both"
+    for place in ("#notes p", "#remarks li"):
+        assert help_ in " ".join(page.locator(place).all_text_contents())
 
 
 @pytest.mark.parametrize("way", ["folder", "zip"])

@@ -10,9 +10,11 @@ import trimesh
 from playwright.sync_api import Error, expect
 
 from ciir.renderer.readers.pictures import decode
+from ciir.renderer.writers.pictures import encode_png
 from tests.support.browser import needs_browser
-from tests.support.browser.page import choose, go_to, open_scene, set_field, wait_for_picture, wait_for_rest
+from tests.support.browser.page import choose, drop, go_to, open_scene, set_field, wait_for_picture, wait_for_rest
 from tests.support.inputs import CUBE
+from tests.support.meshes.gltf import PIXELS, SQUARE, UV, Model
 
 pytestmark = [needs_browser, pytest.mark.slow]
 SIZE = 200  # lenses along a side
@@ -39,7 +41,7 @@ def make_mesh(suffix):
 
 def open_mesh(page, suffix, settings):
     """Opens the mesh with the settings of an address, and waits for the server's picture."""
-    page.goto(f"{page.url.partition('#')[0]}#file=a.{suffix}&lenses={SIZE}x{SIZE}&show=mapped&{settings}")
+    go_to(page, f"#file=a.{suffix}&lenses={SIZE}x{SIZE}&show=mapped&{settings}")
     page.reload()
     choose(page, (f"a.{suffix}", make_mesh(suffix)))
     wait_for_picture(page, SIZE, SIZE)
@@ -73,6 +75,95 @@ def test_the_preview_shows_what_the_server_renders(page, suffix, settings):
     assert 0.05 < server.mean() < 0.9
     # Of 200 pixels along a side, outlines differ by half of one: nothing but the samples' places.
     assert (server & preview).sum() / (server | preview).sum() > 0.97
+
+
+def make_lamp():
+    """A square whose material is black, but for the light that it emits."""
+    model = Model(COLOR_0=np.zeros((4, 3), np.float32), TEXCOORD_0=UV)
+    model.texture(np.kron(PIXELS, np.ones((64, 64, 1), np.uint8)))
+    base = model.material["pbrMetallicRoughness"]
+    model.material |= {"emissiveFactor": [1, 0.5, 0], "emissiveTexture": base["baseColorTexture"]}
+    base["baseColorFactor"] = [0, 0, 0, 1]
+    return {"a.glb": model.glb()}
+
+
+def make_namesakes():
+    """A square with two textures of the same name, side by side in a folder that holds another of that name."""
+    model, files = Model(TEXCOORD_0=UV), {}
+    model.json |= {
+        "images": [],
+        "textures": [],
+        "materials": [],
+        "meshes": [],
+        "nodes": [],
+        "scenes": [{"nodes": [0, 1]}],
+    }
+    for number, colour in enumerate(((255, 0, 0), (0, 255, 0), (0, 0, 255))):
+        files[f"{'abc'[number]}/color.png"] = encode_png(np.full((4, 4, 3), colour, np.uint8))
+        texture = {"baseColorTexture": {"index": number}}
+        model.json["images"].append({"uri": f"../{'abc'[number]}/color.png"})
+        model.json["textures"].append({"source": number})
+        model.json["materials"].append({"extensions": {"KHR_materials_unlit": {}}, "pbrMetallicRoughness": texture})
+        model.json["meshes"].append({"primitives": [model.primitive | {"material": number}]})
+        model.json["nodes"].append({"mesh": number, "translation": [number, 0, 0]})
+    model.json["extensionsUsed"] = ["KHR_materials_unlit"]
+    return files | {"scenes/a.gltf": model.gltf("a%20b.bin"), "scenes/a b.bin": model.binary}
+
+
+def make_needle():
+    """A square, and a triangle without area that reaches far out of it."""
+    model = Model(POSITION=np.concatenate([SQUARE, [[30, 20, 10]]]).astype(np.float32))
+    model.primitive["indices"] = model.add(np.array([0, 1, 2, 0, 2, 3, 4, 4, 4], np.uint16))
+    return {"a.glb": model.glb()}
+
+
+@pytest.mark.parametrize("make", [make_lamp, make_namesakes, make_needle])
+def test_the_preview_shows_materials_as_the_server_does(page, tmp_path, make):
+    go_to(page, f"#file={tmp_path.name}&lenses={SIZE}x{SIZE}&show=mapped&rotate=10,0,0")
+    page.reload()
+    for name, data in (make() | {"license.txt": b""}).items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(data)
+    drop(page, tmp_path)
+    wait_for_picture(page, SIZE, SIZE)
+    page.locator("#turn canvas").wait_for(state="attached")
+    server, preview = (read_picture(page, script).astype(int) for script in (SERVER, PREVIEW))
+    rows = (np.arange(SIZE) + 0.5) * len(preview) // SIZE
+    preview = preview[rows.astype(int)[:, None], rows.astype(int)]
+    assert server.max() > 100
+    assert (np.abs(server - preview).max(-1) > 40).mean() < 0.05
+
+
+def add_texture_transform(model, **transform):
+    model.texture().material["pbrMetallicRoughness"]["baseColorTexture"]["extensions"] = {
+        "KHR_texture_transform": transform
+    }
+
+
+@pytest.mark.parametrize(
+    ("extension", "change", "is_shown"),
+    [
+        ("KHR_texture_transform", lambda model: add_texture_transform(model, rotation=1, scale=[1, 2]), False),
+        ("KHR_texture_transform", lambda model: add_texture_transform(model, rotation=1, scale=[2, 2]), True),
+        ("KHR_texture_transform", lambda model: add_texture_transform(model, scale=[1, 2]), True),
+        ("KHR_node_visibility", lambda _: None, False),
+        ("KHR_materials_transmission", lambda _: None, False),
+        ("KHR_materials_pbrSpecularGlossiness", lambda _: None, False),
+        ("EXT_texture_avif", lambda _: None, False),
+        ("KHR_materials_ior", lambda _: None, True),
+    ],
+)
+def test_there_is_no_preview_of_what_the_server_shows_otherwise(page, extension, change, is_shown):
+    model = Model(TEXCOORD_0=UV)
+    model.json["extensionsUsed"] = [extension]
+    change(model)
+    script = """async (data) => {
+        const { Preview } = await import("/assets/preview.js");
+        const preview = new Preview(document.createElement("canvas"));
+        const file = new File([Uint8Array.from(data)], "a.glb");
+        return preview.open([{ name: "a.glb", file }]).then(() => true, () => false).finally(() => preview.close());
+    }"""
+    assert page.evaluate(script, list(model.glb())) == is_shown
 
 
 def test_a_background_is_chosen_and_shown_by_the_preview_too(page):
