@@ -72,7 +72,9 @@ class OnnxNetwork:
         with self._opening:
             cores = cores or next(iter(self._sessions), self.threads)
             if cores not in self._sessions:
-                self._sessions[cores] = open_session(self._network, cores, is_int8=self.card.precision == "int8")
+                session = open_session(self._network, cores, is_int8=self.card.precision == "int8")
+                _check_inputs(session, self.card)
+                self._sessions[cores] = session
             return self._sessions[cores]
 
 
@@ -89,6 +91,21 @@ def _check_processor(card: cards.Card) -> None:
     if reason:
         remedy = f"use {card.float_twin}, its float twin" if card.float_twin else "use a float network"
         raise UnsuitedProcessor(f"model {card.name}: it computes in int8, and {reason}; {remedy}")
+
+
+def _check_inputs(session: Any, card: cards.Card) -> None:
+    """Raises `BadCard` where the card states other inputs than the network has, such as free sizes for fixed ones."""
+    stated = {tensor.name: tensor.shape for tensor in (card.input, *card.extra_inputs)}
+    for found in session.get_inputs():
+        shape = stated.get(found.name, ())
+        fits = len(shape) == len(found.shape) and all(
+            not isinstance(size, int) or size == wanted for size, wanted in zip(found.shape, shape, strict=True)
+        )
+        if not fits:
+            raise BadCard(
+                f"card {card.name}: states {found.name} as {tuple(shape)}, and the network takes {tuple(found.shape)}; "
+                "write network and card with `ciir export FILE.onnx -o DIR`"
+            )
 
 
 def _read_network(path: Path, card: cards.Card) -> bytes:

@@ -51,4 +51,7 @@ class SingleImageNetwork(OnnxNetwork):
         return self.card.precision == "int8"
 
     def _run(self, images: NDArray[np.float32], cores: int) -> NDArray[np.float32]:
-        return self.run({self.card.input.name: images}, cores)[0]
+        name = self.card.input.name
+        if self.card.input.shape[0] == 1:  # a network of others that takes one picture at a time
+            return np.concatenate([self.run({name: image[None]}, cores)[0] for image in images])
+        return self.run({name: images}, cores)[0]

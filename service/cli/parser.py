@@ -201,7 +201,9 @@ def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command.add_argument("--steps", metavar="N", type=int, help="optimiser steps; replaces the recipe's")
 
     command = add_command("export", "export a checkpoint, or a network of others, to .onnx with its card", "training")
-    command.add_argument("checkpoint", metavar="CHECKPOINT", nargs="?", help="checkpoint.pt of `ciir train`")
+    command.add_argument(
+        "checkpoint", metavar="CHECKPOINT", nargs="?", help="checkpoint.pt of `ciir train`, or any network as .onnx"
+    )
     command.add_argument("-o", "--out", required=True, metavar="DIR", help="folder for NAME.onnx and NAME.json")
     command.add_argument(
         "--int8", action="store_true", help="export the int8 twin, NAME-int8, for processors with VNNI"

@@ -14,6 +14,10 @@ from torch.utils.flop_counter import FlopCounterMode
 from ciir.training.export import inputs as examples
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from torch import Tensor
+
     from ciir.models.cards import Sizes
     from ciir.training.export.inputs import WindowPosition
 
@@ -79,7 +83,7 @@ def _measure_reach(probe: nn.Module, scale: int, centre: int, axis: int, place: 
 
 
 @torch.no_grad()
-def find_tile_overlap(network: nn.Module, scale: int, sizes: Sizes) -> int:
+def find_tile_overlap(network: Callable[[Tensor], Tensor], scale: int, sizes: Sizes) -> int:
     """Returns the tile overlap in input pixels with which tiles equal the whole picture up to `SEAM`.
 
     For networks whose receptive field is wider than a tile, or unknown. Measured on noise that is strong on one side

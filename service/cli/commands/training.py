@@ -162,7 +162,11 @@ def _export(args: argparse.Namespace) -> None:
 
     common.print_line(f"exporting {source}: half a minute, and longer with --int8 or --on")
     try:
-        if args.weights:
+        if source.suffix.lower() == ".onnx":
+            from ciir.training.export.onnx_file import export_onnx
+
+            card = export_onnx(source, to, name=name, accuracy_on=folders)
+        elif args.weights:
             from ciir.training.export.external_weights import export_weights
 
             card = export_weights(source, to, name=name, accuracy_on=folders)
@@ -178,10 +182,10 @@ def _export(args: argparse.Namespace) -> None:
 def _check_export(args: argparse.Namespace) -> None:
     if (args.weights is None) == (args.checkpoint is None):
         raise InvalidOption(
-            "export: give a CHECKPOINT of `ciir train`, or --weights with a file of others; one of them"
+            "export: give a CHECKPOINT of `ciir train`, an ONNX file, or --weights with a file of others; one of them"
         )
-    if args.weights is not None and args.int8:
-        raise InvalidOption("--int8: only a CHECKPOINT of `ciir train` has an int8 twin; leave it out with --weights")
+    if args.int8 and (args.weights or args.checkpoint.lower().endswith(".onnx")):
+        raise InvalidOption("--int8: only a CHECKPOINT of `ciir train` has an int8 twin; leave it out")
     if args.int8 != bool(args.calibrate):
         raise InvalidOption("--int8 needs --calibrate with a folder of pictures, and the other way round")
 

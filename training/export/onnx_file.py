@@ -1,0 +1,182 @@
+"""Import of ONNX files: networks that others trained and exported, checked, measured and given a card."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from typing import TYPE_CHECKING
+
+import onnx
+import torch
+from google.protobuf.message import DecodeError  # type: ignore[import-untyped]
+from onnxruntime.capi import onnxruntime_pybind11_state as errors
+
+from ciir.cores import count_available_cores
+from ciir.models import cards
+from ciir.models.cards import Sizes
+from ciir.models.sessions import open_session
+from ciir.training.evaluation import pictures
+from ciir.training.export import export, measure
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from torch import Tensor
+
+SUFFIX = ".onnx"
+MULTIPLES = (1, 2, 4, 8, 16, 32, 64)
+"""What the sides of pictures are tried to be multiples of."""
+FAR_OFF = 0.25
+"""Most that the mean of what a network makes of noise may differ from the noise's."""
+_FAILURES = (
+    errors.Fail,
+    errors.InvalidArgument,
+    errors.InvalidGraph,
+    errors.InvalidProtobuf,
+    errors.NotImplemented,
+    errors.RuntimeException,
+)
+
+
+class OnnxFile:
+    """A network of a file as torch's are called: RGB in [0, 1], `(N, 3, H, W)` -> `(N, 3, scale*H, scale*W)`."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises `ValueError` where the file holds no such network, or sides are fixed."""
+        self.model = _read_model(path)
+        self.weights = self.model.SerializeToString()
+        try:
+            self._session = open_session(self.weights, count_available_cores())
+        except _FAILURES as error:
+            raise ValueError(f"{path}: onnxruntime can't open it ({_first_line(error)}); export it again") from error
+        inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
+        self.input, self.output = inputs[0], outputs[0]
+        shape = self.input.shape
+        if len(inputs) > 1 or self.input.type != "tensor(float)" or len(shape) != 4 or shape[1] in (1, 2, 4):
+            taken = ", ".join(f"{each.name} {each.type} {each.shape}" for each in inputs)
+            raise ValueError(f"{path}: takes {taken}; give a network of RGB pictures in float32, (N, 3, H, W)")
+        if any(isinstance(side, int) for side in shape[2:]):
+            raise ValueError(
+                f"{path}: takes pictures of {shape[2]}x{shape[3]} pixels only; export it with free height and width, "
+                "as by dynamic_axes or dynamic_shapes of torch.onnx.export"
+            )
+
+    def __call__(self, images: Tensor) -> Tensor:
+        """See the class."""
+        return torch.from_numpy(self._session.run([self.output.name], {self.input.name: images.numpy()})[0])
+
+    def can_run(self, count: int, height: int, width: int) -> tuple[int, ...]:
+        """The shape that it makes of `count` pictures of such a size; empty where it fails."""
+        try:
+            return tuple(self(torch.full((count, 3, height, width), 0.5)).shape)
+        except _FAILURES:
+            return ()
+
+
+def export_onnx(path: Path, out: Path, *, name: str = "", accuracy_on: Sequence[Path] = ()) -> Path:
+    """Writes `NAME.onnx`, with all weights in it, and `NAME.json` into `out` and returns the card's path; NAME is the
+    file's stem if not given. `accuracy_on`: as for `export.export_network`.
+
+    Raises `ValueError` where the file holds no network that upscales RGB in [0, 1] of any size, or tiles can't be used.
+    """
+    name = name or path.stem
+    export.check_name(name)
+    network = OnnxFile(path)
+    sizes, scale = _find_sizes(network, path)
+    _check_range(network, sizes, path)
+    batch = "batch" if network.can_run(2, *sizes.round_up(17, 29)) else 1
+    opset = max(each.version for each in network.model.opset_import if each.domain in ("", "ai.onnx"))
+    card = cards.Card(
+        name=name,
+        kind="a network of an ONNX file, trained by others",
+        scale=scale,
+        sha256="0" * 64,
+        opset=opset,
+        input=cards.Tensor(network.input.name, (batch, 3, "height", "width"), "float32", 0.0, 1.0),
+        output=cards.Tensor(network.output.name, (batch, 3, f"{scale}*height", f"{scale}*width"), "float32", 0.0, 1.0),
+        radius=measure.find_tile_overlap(network, scale, sizes),
+        parameters=max(1, sum(math.prod(each.dims) for each in network.model.graph.initializer)),
+        macs_per_output_pixel=_count_macs(network, scale, sizes),
+        training=cards.Training({"onnx": path.name, "sha256": _hash(path)}, "unknown", 0, 0),
+        protocol=pictures.PROTOCOL,
+        command="",
+        accuracy=(),
+        sizes=sizes,
+    )
+    return export.write_network(network.weights, card, out, accuracy_on=accuracy_on)
+
+
+def _read_model(path: Path) -> onnx.ModelProto:
+    """The model with its weights, those in files beside it too."""
+    try:
+        return onnx.load(path)
+    except DecodeError as error:
+        raise ValueError(f"{path}: no ONNX file; give one as torch.onnx.export writes it") from error
+    except (FileNotFoundError, onnx.checker.ValidationError) as error:  # weights in another file
+        raise ValueError(
+            f"{path}: its weights can't be read ({_first_line(error)}); put their file beside it"
+        ) from error
+
+
+def _find_sizes(network: OnnxFile, path: Path) -> tuple[Sizes, int]:
+    """What the sides of pictures must be multiples of, and the scale."""
+    for multiple in MULTIPLES:
+        sizes = Sizes(max(Sizes().minimum, multiple), multiple)
+        rows, cols = sizes.round_up(17, 29)
+        made = network.can_run(1, rows, cols)
+        if len(made) == 4 and made[1] == 3 and made[2] % rows == 0 and made[2:] == (made[2], made[2] // rows * cols):
+            scale = made[2] // rows
+            if scale < 2:
+                raise ValueError(f"{path}: doesn't upscale; give a network that does, by 2 or more")
+            return sizes, scale
+    raise ValueError(
+        f"{path}: makes no RGB picture of twice the size or more of one of 17x29 pixels, nor of larger ones with sides "
+        f"of multiples of {MULTIPLES[-1]}; give a network that upscales RGB, (N, 3, H, W)"
+    )
+
+
+def _check_range(network: OnnxFile, sizes: Sizes, path: Path) -> None:
+    """Raises `ValueError` where what it makes of noise in [0, 1] is far from that range."""
+    noise = torch.rand((1, 3, *sizes.round_up(32, 32)), generator=torch.Generator().manual_seed(0))
+    mean = float(network(noise).mean())
+    if not abs(mean - 0.5) <= FAR_OFF:
+        raise ValueError(
+            f"{path}: makes a picture with a mean of {mean:.3g} of one with 0.5; give a network that takes and makes "
+            "RGB in [0, 1]"
+        )
+
+
+def _count_macs(network: OnnxFile, scale: int, sizes: Sizes) -> float:
+    """Multiply-adds of convolutions and matrix products for one output pixel, as `measure.count_macs`; 0 where ONNX
+    can't infer shapes.
+    """
+    rows, cols = sizes.round_up(measure.SMALL, measure.SMALL)
+    model = onnx.ModelProto()
+    model.CopyFrom(network.model)
+    (picture,) = (each for each in model.graph.input if each.name == network.input.name)
+    for side, size in zip(picture.type.tensor_type.shape.dim, (1, 3, rows, cols), strict=True):
+        side.dim_value = size
+    graph = onnx.shape_inference.infer_shapes(model).graph
+    shapes = {each.name: tuple(each.dims) for each in graph.initializer}
+    for each in (*graph.input, *graph.value_info, *graph.output):
+        shapes.setdefault(each.name, tuple(side.dim_value for side in each.type.tensor_type.shape.dim))
+    total = 0
+    for node in graph.node:
+        made = math.prod(shapes.get(node.output[0], (0,)))
+        if node.op_type == "Conv":
+            total += made * math.prod(shapes.get(node.input[1], (0, 0))[1:])
+        elif node.op_type == "ConvTranspose":
+            taken = math.prod(shapes.get(node.input[0], (0,)))
+            total += taken * math.prod(shapes.get(node.input[1], (0, 0))[1:])
+        elif node.op_type in ("MatMul", "Gemm"):
+            total += made * shapes.get(node.input[0], (0,))[-1]
+    return total / (rows * cols * scale**2)
+
+
+def _hash(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).strip().partition("\n")[0][:200]
