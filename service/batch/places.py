@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import fcntl
+import os
 import shutil
 import tempfile
 import uuid
 from collections.abc import Mapping
 from contextlib import contextmanager, suppress
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePath, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 import fsspec
@@ -48,6 +49,20 @@ def open_filesystem(text: str) -> tuple[Any, str]:
             f"{text}: a URL of this kind doesn't say all that is needed ({error}); give a path, or a URL such as s3://"
         ) from error
     return filesystem, path.rstrip("/") or path
+
+
+def locate(text: str) -> str:
+    """The absolute path of a local file or folder that a path or a URL names; another URL in its usual spelling."""
+    filesystem, path = open_filesystem(text)
+    return path if isinstance(filesystem, LocalFileSystem) else str(filesystem.unstrip_protocol(path))
+
+
+def resolve(place: str) -> tuple[PurePath, ...]:
+    """An absolute path with the links in its folders followed, and that to which a link leads; a URL as it is."""
+    if "://" in place:
+        return (PurePosixPath(place),)
+    path = Path(os.path.realpath(Path(place).parent), Path(place).name)
+    return (path, Path(os.path.realpath(path))) if path.is_symlink() else (path,)
 
 
 @contextmanager

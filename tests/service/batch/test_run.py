@@ -105,6 +105,38 @@ def test_outputs_in_an_input_are_refused_before_they_are_inputs(tmp_path, monkey
     assert not (tmp_path / "in" / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("given", "out"),
+    [
+        ("safe/a.off", "safe"),
+        ("link/a.off", "safe"),
+        ("link/*.off", "safe"),
+        ("other/../safe/a.off", "safe"),
+        ("safe/a.off", "other/../link"),
+        ("safe/a.off", "file://safe"),
+        ("file://link/a.off", "safe/"),
+        ("other/a.off", "safe"),  # a link to the file
+        ("other/a.off", "other"),
+    ],
+)
+def test_outputs_where_an_input_is_are_refused_however_both_are_named(tmp_path, monkeypatch, capsys, given, out):
+    for name in ("safe", "other"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "safe" / "a.off").write_bytes(CUBE)
+    (tmp_path / "link").symlink_to("safe")
+    (tmp_path / "other" / "a.off").symlink_to("../safe/a.off")
+    monkeypatch.chdir(tmp_path)
+    assert main(["batch", given, "-o", out, "--name", "{path}.png", "--workers", "1", *ARRAY]) == 2
+    assert f"{out}: the input {tmp_path}" in capsys.readouterr().err
+    assert (tmp_path / "safe" / "a.off").read_bytes() == CUBE
+    assert sorted(path.name for path in tmp_path.glob("*/*") if path.name != "a.off") == []
+
+
+def test_a_scene_is_no_file_of_the_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["batch", "scene:vase", "-o", ".", "--workers", "1", *ARRAY]) == 0
+
+
 def test_results_are_those_of_reconstruct(folder, tmp_path):
     for name in ("arrays/globe.png", "cube.off"):
         assert main(["reconstruct", str(folder / "in" / name), "-o", str(tmp_path / name[:4]), *ARRAY]) == 0
