@@ -204,9 +204,13 @@ class Outputs:
                 with suppress(OSError):  # there are none, or some are of an input that is not finished
                     (state / PARTS).rmdir()
 
-    def exists(self, name: str) -> bool:
-        """Whether there is such a file or folder."""
-        return bool(self._filesystem.exists(self._path(name)))
+    def measure(self, name: str) -> int | None:
+        """The bytes that a file has; None where there is none."""
+        try:
+            size: int = self._filesystem.size(self._path(name))
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+        return size
 
     def read(self, name: str) -> bytes | None:
         """The bytes of a file; None where there is none."""
@@ -224,11 +228,12 @@ class Outputs:
         with replacing(Path(self._path(name))) as file:
             file.write(data)
 
-    def move(self, local: Path, name: str) -> list[str]:
-        """Moves a finished local file, or the files of a folder, to `name`; returns the names of all files."""
+    def move(self, local: Path, name: str) -> dict[str, int]:
+        """Moves a finished local file, or the files of a folder, to `name`; returns the names and sizes of all."""
         names = {name: local}
         if local.is_dir():
             names = {f"{name}/{file.name}": file for file in sorted(local.iterdir())}
+        sizes = {target: source.stat().st_size for target, source in names.items()}
         for target, source in names.items():
             if self._is_local:
                 place = Path(self._path(target))
@@ -236,7 +241,7 @@ class Outputs:
                 source.replace(place)
             else:
                 self._filesystem.put_file(str(source), self._path(target))
-        return list(names)
+        return sizes
 
     def fetch(self, name: str, local: Path) -> Path:
         """A local path of the file: its own, or that of a copy at `local`."""

@@ -77,6 +77,19 @@ def test_what_another_worker_did_in_this_run_counts_as_done(folder):
     assert work(task, replace(request, run="another")).status == "kept"
 
 
+@pytest.mark.parametrize("left", [0, 100])
+@pytest.mark.parametrize("out", ["vase", "vase.png"])
+def test_an_output_that_was_cut_off_is_made_anew(folder, tmp_path, out, left):
+    request = Request(Options(lenses=(12, 12), pixels=(3, 3), model="none"), str(tmp_path))
+    task = Task(str(folder / "in" / "arrays" / "vase.png"), out, is_file="." in out)
+    work(task, request)
+    view = tmp_path / out if task.is_file else tmp_path / out / "view_01_01.png"
+    whole = view.read_bytes()
+    view.write_bytes(whole[:left])
+    assert [work(task, request).status for _ in range(2)] == ["done", "kept"]
+    assert view.read_bytes() == whole
+
+
 @pytest.mark.parametrize("others", [(), ("mine.txt",)])
 def test_an_earlier_output_leaves_no_empty_folder(folder, tmp_path, others):
     request = Request(Options(lenses=(12, 12), pixels=(3, 3), model="none"), str(tmp_path / "out"), "one run")
