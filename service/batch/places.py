@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import shutil
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import fsspec
 from fsspec.implementations.local import LocalFileSystem
 
-from ciir.errors import Error, InvalidOption, TooLarge, Unreadable, advise_extra
+from ciir.errors import Error, InvalidOption, JobError, TooLarge, Unreadable, advise_extra
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.names import clean_text, is_hidden, resolve_key
 from ciir.renderer.writers.atomic_write import replacing
@@ -169,13 +170,17 @@ class Outputs:
         local.
         """
         if not self._is_local:
-            with tempfile.TemporaryDirectory(prefix="ciir-batch-") as temporary:
+            with (
+                _explain_full_disk(tempfile.gettempdir()),
+                tempfile.TemporaryDirectory(prefix="ciir-batch-") as temporary,
+            ):
                 yield Path(temporary)
             return
         folder = Path(self._path(f"{STATE}/scratch/{uuid.uuid4().hex}"))
-        folder.mkdir(parents=True)
         try:
-            yield folder
+            with _explain_full_disk(self._root):
+                folder.mkdir(parents=True)
+                yield folder
         finally:
             shutil.rmtree(folder, ignore_errors=True)
 
@@ -225,7 +230,7 @@ class Outputs:
         if not self._is_local:
             self._filesystem.pipe_file(self._path(name), data)
             return
-        with replacing(Path(self._path(name))) as file:
+        with _explain_full_disk(self._root), replacing(Path(self._path(name))) as file:
             file.write(data)
 
     def move(self, local: Path, name: str) -> dict[str, int]:
@@ -266,3 +271,14 @@ class Outputs:
         """Removes a folder, if there is one."""
         if self._filesystem.exists(self._path(name)):
             self._filesystem.rm(self._path(name), recursive=True)
+
+
+@contextmanager
+def _explain_full_disk(place: str) -> Iterator[None]:
+    """Raises `JobError` where the disk of `place` is full: the error of the system names no place."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        raise JobError(f"{place}: {error.strerror}; make room there, and run the batch again") from error

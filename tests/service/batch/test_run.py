@@ -1,7 +1,9 @@
 """A batch on worker processes of this machine, by the command."""
 
 import csv
+import errno
 import json
+import os
 import shutil
 from dataclasses import replace
 
@@ -9,7 +11,7 @@ import pytest
 
 from ciir.renderer.light_field import LightField
 from ciir.renderer.writers.pictures import encode_png
-from ciir.service.batch import parts
+from ciir.service.batch import parts, places
 from ciir.service.batch.task import Request, Task
 from ciir.service.batch.work import work
 from ciir.service.cli.main import main
@@ -75,6 +77,18 @@ def test_what_another_worker_did_in_this_run_counts_as_done(folder):
     task = Task(str(folder / "in" / "arrays" / "vase.png"), "vase")
     assert [work(task, request).status for _ in range(2)] == ["done", "done"]
     assert work(task, replace(request, run="another")).status == "kept"
+
+
+def test_a_full_disk_is_named(folder, tmp_path, monkeypatch, capsys):
+    """Of an input's output, and of the summary, without which the exit status is that of a batch that did not end."""
+
+    def fail(_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(places, "replacing", fail)
+    assert main(["batch", str(folder / "in" / "cube.off"), "-o", str(tmp_path), "--workers", "1", *ARRAY]) == 1
+    error = f"{tmp_path}: No space left on device; make room there, and run the batch again"
+    assert capsys.readouterr().err.splitlines() == [f"ciir: {folder / 'in' / 'cube.off'}: {error}", f"ciir: {error}"]
 
 
 @pytest.mark.parametrize("left", [0, 100])
