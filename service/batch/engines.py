@@ -8,6 +8,7 @@ import sys
 import tempfile
 import time
 from contextlib import ExitStack, contextmanager
+from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING
 
 import dask
@@ -60,7 +61,7 @@ def open_local(workers: int, memory: int | None) -> Iterator[Client]:
     """
     _silence_logs()
     starting = ExitStack()
-    starting.callback(signal.signal, signal.SIGINT, signal.signal(signal.SIGINT, signal.SIG_IGN))  # Ctrl-C is for us
+    starting.enter_context(_hold_interrupts())
     with (
         starting,
         dask.config.set(SETTINGS),
@@ -78,6 +79,24 @@ def open_local(workers: int, memory: int | None) -> Iterator[Client]:
     ):
         starting.close()
         yield client
+
+
+@contextmanager
+def _hold_interrupts() -> Iterator[None]:
+    """Raises `KeyboardInterrupt` at the end of the block if Ctrl-C came in it; threads and processes that it starts
+    have the signal blocked for good, as Ctrl-C reaches all processes of a terminal.
+    """
+    resource_tracker.ensure_running()  # multiprocessing starts it with the first process, and unblocks the signal then
+    came: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _: came.append(number))  # threads of before may still get it
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+        signal.signal(signal.SIGINT, handler)
+        if came:
+            signal.raise_signal(signal.SIGINT)
 
 
 def connect(address: str, seconds: float = CONNECT_SECONDS) -> Client:

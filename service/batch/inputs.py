@@ -6,14 +6,14 @@ import re
 from dataclasses import dataclass
 from glob import has_magic
 from itertools import groupby
-from pathlib import PurePosixPath
+from pathlib import PurePath, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 from ciir.errors import InputError, InvalidOption
 from ciir.renderer.readers.names import clean_text, is_hidden
 from ciir.renderer.readers.registry import SUFFIXES, VIDEOS, is_picture
 from ciir.renderer.readers.view_set.grid import find_grids
-from ciir.service.batch.places import open_filesystem, reach_store
+from ciir.service.batch.places import open_filesystem, reach_store, resolve
 from ciir.service.batch.task import Task
 from ciir.service.pipeline.source import SCENE
 
@@ -44,13 +44,13 @@ def find_inputs(texts: Sequence[str], *, has_arrays: bool, sets: bool) -> list[F
 
     Raises `InvalidOption` where one names nothing.
     """
-    found: dict[str, Found] = {}
+    found: dict[PurePath, Found] = {}
     for text in texts:
         new = [Found(text, text.removeprefix(SCENE))] if text.startswith(SCENE) else list(_find(text, has_arrays, sets))
         if not new:
             raise InvalidOption(f"{text}: holds no input; give files of types that are read")
         for each in new:
-            found.setdefault(each.source, each)
+            found.setdefault(resolve(each.source)[0], each)
     return list(found.values())
 
 

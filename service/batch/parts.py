@@ -138,7 +138,10 @@ def join(task: Task, request: Request, outputs: Outputs, record: Record) -> Outc
     record.remove()
     with outputs.open_scratch() as scratch:
         reports = [_read_report(outputs, f"{each.out}/{REPORT}", of) for each, of in zip(tasks, records, strict=True)]
+        trace = _join_traces([each.trace for each in records])
         report = _join_reports(reports, request.options)
+        if "bytes" in report["input"] and not task.is_video:  # of a video, it is the first frame
+            report["input"] |= {"bytes": sum(trace["sizes"].values()), "files": len(trace["sizes"])}
         pictures = [
             outputs.fetch(f"{each.out}/{view['file']}", scratch / f"{number}_{view['file']}")
             for number, (each, part) in enumerate(zip(tasks, reports, strict=True))
@@ -156,7 +159,7 @@ def join(task: Task, request: Request, outputs: Outputs, record: Record) -> Outc
             for view, picture in zip(report["views"], pictures, strict=True):
                 _link(picture, path / view["file"])
             (path / REPORT).write_bytes(report_json(report))
-        outcome = record.write(outputs.move(path, task.out), _join_traces([each.trace for each in records]), report)
+        outcome = record.write(outputs.move(path, task.out), trace, report)
     for each in records:
         each.remove()
     outputs.remove_folder(f"{STATE}/{PARTS}/{hash_name(task.out)}")
@@ -225,9 +228,10 @@ def _join_reports(reports: Sequence[Report], options: Options) -> Report:
 
 
 def _join_traces(traces: Sequence[Trace]) -> Trace:
-    joined: Trace = {"files": {}, "looked_for": {}, "names": None}
+    joined: Trace = {"files": {}, "sizes": {}, "looked_for": {}, "names": None}
     for trace in traces:
         joined["files"] |= trace["files"]
+        joined["sizes"] |= trace["sizes"]
         joined["looked_for"] |= trace["looked_for"]
         joined["names"] = trace["names"] or joined["names"]
     return joined

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
+import os
 import shutil
 import tempfile
 import uuid
 from collections.abc import Mapping
 from contextlib import contextmanager, suppress
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePath, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 import fsspec
 from fsspec.implementations.local import LocalFileSystem
 
-from ciir.errors import Error, InvalidOption, TooLarge, Unreadable, advise_extra
+from ciir.errors import Error, InvalidOption, JobError, TooLarge, Unreadable, advise_extra
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.names import clean_text, is_hidden, resolve_key
 from ciir.renderer.writers.atomic_write import replacing
@@ -48,6 +50,20 @@ def open_filesystem(text: str) -> tuple[Any, str]:
             f"{text}: a URL of this kind doesn't say all that is needed ({error}); give a path, or a URL such as s3://"
         ) from error
     return filesystem, path.rstrip("/") or path
+
+
+def locate(text: str) -> str:
+    """The absolute path of a local file or folder that a path or a URL names; another URL in its usual spelling."""
+    filesystem, path = open_filesystem(text)
+    return path if isinstance(filesystem, LocalFileSystem) else str(filesystem.unstrip_protocol(path))
+
+
+def resolve(place: str) -> tuple[PurePath, ...]:
+    """An absolute path with the links in its folders followed, and that to which a link leads; a URL as it is."""
+    if "://" in place:
+        return (PurePosixPath(place),)
+    path = Path(os.path.realpath(Path(place).parent), Path(place).name)
+    return (path, Path(os.path.realpath(path))) if path.is_symlink() else (path,)
 
 
 @contextmanager
@@ -154,13 +170,17 @@ class Outputs:
         local.
         """
         if not self._is_local:
-            with tempfile.TemporaryDirectory(prefix="ciir-batch-") as temporary:
+            with (
+                _explain_full_disk(tempfile.gettempdir()),
+                tempfile.TemporaryDirectory(prefix="ciir-batch-") as temporary,
+            ):
                 yield Path(temporary)
             return
         folder = Path(self._path(f"{STATE}/scratch/{uuid.uuid4().hex}"))
-        folder.mkdir(parents=True)
         try:
-            yield folder
+            with _explain_full_disk(self._root):
+                folder.mkdir(parents=True)
+                yield folder
         finally:
             shutil.rmtree(folder, ignore_errors=True)
 
@@ -189,9 +209,13 @@ class Outputs:
                 with suppress(OSError):  # there are none, or some are of an input that is not finished
                     (state / PARTS).rmdir()
 
-    def exists(self, name: str) -> bool:
-        """Whether there is such a file or folder."""
-        return bool(self._filesystem.exists(self._path(name)))
+    def measure(self, name: str) -> int | None:
+        """The bytes that a file has; None where there is none."""
+        try:
+            size: int = self._filesystem.size(self._path(name))
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+        return size
 
     def read(self, name: str) -> bytes | None:
         """The bytes of a file; None where there is none."""
@@ -206,14 +230,15 @@ class Outputs:
         if not self._is_local:
             self._filesystem.pipe_file(self._path(name), data)
             return
-        with replacing(Path(self._path(name))) as file:
+        with _explain_full_disk(self._root), replacing(Path(self._path(name))) as file:
             file.write(data)
 
-    def move(self, local: Path, name: str) -> list[str]:
-        """Moves a finished local file, or the files of a folder, to `name`; returns the names of all files."""
+    def move(self, local: Path, name: str) -> dict[str, int]:
+        """Moves a finished local file, or the files of a folder, to `name`; returns the names and sizes of all."""
         names = {name: local}
         if local.is_dir():
             names = {f"{name}/{file.name}": file for file in sorted(local.iterdir())}
+        sizes = {target: source.stat().st_size for target, source in names.items()}
         for target, source in names.items():
             if self._is_local:
                 place = Path(self._path(target))
@@ -221,7 +246,7 @@ class Outputs:
                 source.replace(place)
             else:
                 self._filesystem.put_file(str(source), self._path(target))
-        return list(names)
+        return sizes
 
     def fetch(self, name: str, local: Path) -> Path:
         """A local path of the file: its own, or that of a copy at `local`."""
@@ -246,3 +271,14 @@ class Outputs:
         """Removes a folder, if there is one."""
         if self._filesystem.exists(self._path(name)):
             self._filesystem.rm(self._path(name), recursive=True)
+
+
+@contextmanager
+def _explain_full_disk(place: str) -> Iterator[None]:
+    """Raises `JobError` where the disk of `place` is full: the error of the system names no place."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        raise JobError(f"{place}: {error.strerror}; make room there, and run the batch again") from error

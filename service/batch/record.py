@@ -59,22 +59,19 @@ class Record:
         return dict(self._kept["trace"])
 
     @property
-    def files(self) -> list[str]:
-        """The names of the output's files."""
-        return list(self._kept["files"])
-
-    @property
     def outcome(self) -> Outcome:
         """What the report of the output shows."""
         shown = self._kept["report"]
         return Outcome("done", views=shown["views"], model=shown["model"], notes=tuple(shown["notes"]))
 
     def is_current(self, source: Source) -> bool:
-        """Whether the output is there and was made of the same content with the same options."""
+        """Whether the output is there as it was written, and was made of the same content with the same options."""
         if self._kept.get("key") != self._key:
             return False
         files = source.files if isinstance(source, Bundle) else {}
-        return matches(self._kept["trace"], files) and all(map(self._outputs.exists, self._kept["files"]))
+        if not matches(self._kept["trace"], files):
+            return False
+        return all(self._outputs.measure(name) == size for name, size in self._kept["files"].items())
 
     def remove(self) -> None:
         """Removes the record, and the files of the earlier output with their folder, if there are any."""
@@ -87,8 +84,8 @@ class Record:
         """Whether the output was made in that run."""
         return run != "" and bool(self._kept.get("run") == run)
 
-    def write(self, files: list[str], trace: Trace, report: Report) -> Outcome:
-        """Records that the output is there."""
+    def write(self, files: dict[str, int], trace: Trace, report: Report) -> Outcome:
+        """Records that the output is there. `files`: their names and sizes, as `Outputs.move` returns them."""
         shown = {
             "views": len(report["views"]),
             "model": report["model"]["name"] if report["model"] else "",

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.options import Options
 
 Trace = dict[str, Any]
-"""`files`: the SHA-256 of each file that was read; `looked_for`: whether a file was there; `names`: the hash of the
-names of all files, None where they were not listed.
+"""`files`: the SHA-256 of each file that was read; `sizes`: the bytes of each; `looked_for`: whether a file was there;
+`names`: the hash of the names of all files, None where they were not listed.
 """
 
 
@@ -25,6 +25,7 @@ class TracedFiles(Mapping[str, bytes]):
     def __init__(self, files: Mapping[str, bytes]) -> None:
         self._files = files
         self._read: dict[str, str] = {}
+        self._sizes: dict[str, int] = {}
         self._looked_for: dict[str, bool] = {}
         self._names: str | None = None
 
@@ -35,7 +36,7 @@ class TracedFiles(Mapping[str, bytes]):
             self._looked_for[key] = False
             raise
         if key not in self._read:
-            self._read[key] = _hash(data)
+            self._read[key], self._sizes[key] = _hash(data), len(data)
         return data
 
     def read_start(self, key: str, length: int) -> bytes | None:
@@ -59,7 +60,8 @@ class TracedFiles(Mapping[str, bytes]):
     def trace(self) -> Trace:
         """What was read up to now."""
         looked_for = {key: found for key, found in self._looked_for.items() if key not in self._read}
-        return {"files": dict(self._read), "looked_for": looked_for, "names": self._names}
+        read = {"files": dict(self._read), "sizes": dict(self._sizes)}
+        return read | {"looked_for": looked_for, "names": self._names}
 
 
 def matches(trace: Trace, files: Mapping[str, bytes]) -> bool:

@@ -14,6 +14,7 @@ from ciir.cores import count_available_cores
 from ciir.errors import InvalidOption
 from ciir.renderer.writers.formats import BY_SUFFIX
 from ciir.service.cli import common, output_path
+from ciir.service.pipeline.source import SCENE
 
 if TYPE_CHECKING:
     import argparse
@@ -116,20 +117,25 @@ def _showing(total: int) -> Iterator[Report]:
 
 
 def _resolve_outputs(text: str, inputs: list[str], sources: list[str]) -> str:
-    """The folder of the outputs. Raises `InvalidOption` where an input is in it, or it in an input.
+    """The folder of the outputs. Raises `InvalidOption` where an input is in it, through links too, or it in an input.
 
     `inputs`: as given; `sources`: what was found in them.
     """
-    is_url = "://" in text
-    place = text.rstrip("/") if is_url else str(output_path.resolve_folder(text, what="the outputs").resolve())
-    folder = PurePosixPath(place)
-    for source in (*inputs, *sources):
-        if folder.is_relative_to(PurePosixPath(source if "://" in source else Path(source).resolve())):
+    from ciir.service.batch.places import locate, resolve
+
+    place, where = text.rstrip("/"), locate(text) if "://" in text else text
+    if "://" not in where:
+        place = where = str(output_path.resolve_folder(where, what="the outputs").resolve())
+    folder = PurePosixPath(where)
+    given = [(each, path) for each in inputs if not each.startswith(SCENE) for path in resolve(locate(each))]
+    found = [(each, path) for each in sources if not each.startswith(SCENE) for path in resolve(each)]
+    for source, path in (*given, *found):
+        if folder.is_relative_to(path):
             raise InvalidOption(
                 f"{text}: in the input {source}, as a part of which it would be read; give another folder"
             )
-    for source in sources:
-        if PurePosixPath(source).is_relative_to(folder):
+    for source, path in found:
+        if path.is_relative_to(folder):
             raise InvalidOption(f"{text}: the input {source} is there; give another folder, so that nothing is lost")
     return place
 

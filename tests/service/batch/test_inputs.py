@@ -110,6 +110,12 @@ def test_patterns_that_are_refused(folder, pattern, message):
         make_tasks(find(folder), pattern, is_file=False, all_frames=False)
 
 
+def test_a_file_by_two_paths_is_one_input(folder):
+    (folder.parent / "link").symlink_to(folder)
+    names = [folder / "a.png", folder / "below" / ".." / "a.png", folder.parent / "link" / "a.png"]
+    assert [each.source for each in find(*names)] == [str(folder / "a.png")]
+
+
 def test_inputs_are_absolute(folder, monkeypatch):
     monkeypatch.chdir(folder)
     assert all(Path(each.source).is_absolute() for each in find("."))

@@ -85,6 +85,15 @@ def test_a_light_field_in_parts_is_that_of_reconstruct(light_field, tmp_path, mo
     ]
 
 
+def test_the_report_of_parts_counts_the_input_of_all(light_field, tmp_path, monkeypatch):
+    monkeypatch.setattr(parts, "PART_PIXELS", 5 * 32 * 32)
+    outcomes, _ = run(Task(str(light_field), "out"), Request(Options(views="all", model="none"), str(tmp_path)))
+    assert len(outcomes) == 5
+    found = json.loads((tmp_path / "out" / "report.json").read_bytes())["input"]
+    sizes = [path.stat().st_size for path in light_field.iterdir()]
+    assert (found["files"], found["bytes"]) == (12, sum(sizes))
+
+
 @pytest.mark.parametrize("name", ["film.webm", "film.gif", "film"])
 def test_frames_come_out_in_order(film, tmp_path, monkeypatch, name):
     monkeypatch.setattr(parts, "MOST_FRAMES", 3)

@@ -1,6 +1,7 @@
 """A batch on worker processes, one of which is killed, and which Ctrl-C stops."""
 
 import json
+import os
 import re
 import signal
 import subprocess
@@ -33,7 +34,12 @@ def start(folder):
     # A shell's background processes ignore SIGINT, and so would the command.
     command = ["/usr/bin/env", "--default-signal=INT", sys.executable, "-m", "ciir", "batch", folder / "in"]
     command += ["-o", folder / "out", *OPTIONS]
-    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True)  # noqa: S603 - our own
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, process_group=0)  # noqa: S603 - our own
+
+
+def press_ctrl_c(process):
+    """As a terminal does: its workers get the signal too."""
+    os.killpg(process.pid, signal.SIGINT)
 
 
 def count_outputs(folder):
@@ -52,7 +58,7 @@ def test_a_worker_is_killed_and_ctrl_c_stops_the_batch_which_then_goes_on(folder
         killed = find_worker(process)
         killed.kill()
         wait_until(lambda: (new := find_worker(process)) and new.pid != killed.pid and count_outputs(folder) >= 3)
-        process.send_signal(signal.SIGINT)
+        press_ctrl_c(process)
         errors = process.communicate(timeout=60)[1]
     assert (process.returncode, errors.splitlines()[-1]) == (130, "ciir: interrupted")
     first = json.loads((folder / "out" / "summary.json").read_bytes())
@@ -67,3 +73,13 @@ def test_a_worker_is_killed_and_ctrl_c_stops_the_batch_which_then_goes_on(folder
     second = json.loads((folder / "out" / "summary.json").read_bytes())
     assert second["kept"] >= first["done"]
     assert second["kept"] + second["done"] == INPUTS == count_outputs(folder)
+
+
+def test_ctrl_c_while_the_workers_start(folder):
+    with start(folder) as process:
+        wait_until(lambda: find_worker(process))
+        press_ctrl_c(process)
+        errors = process.communicate(timeout=60)[1]
+    assert (process.returncode, errors) == (130, "ciir: interrupted\n")
+    summary = json.loads((folder / "out" / "summary.json").read_bytes())
+    assert summary["not_done"] == INPUTS

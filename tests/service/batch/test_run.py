@@ -1,7 +1,9 @@
 """A batch on worker processes of this machine, by the command."""
 
 import csv
+import errno
 import json
+import os
 import shutil
 from dataclasses import replace
 
@@ -9,7 +11,7 @@ import pytest
 
 from ciir.renderer.light_field import LightField
 from ciir.renderer.writers.pictures import encode_png
-from ciir.service.batch import parts
+from ciir.service.batch import parts, places
 from ciir.service.batch.task import Request, Task
 from ciir.service.batch.work import work
 from ciir.service.cli.main import main
@@ -77,6 +79,31 @@ def test_what_another_worker_did_in_this_run_counts_as_done(folder):
     assert work(task, replace(request, run="another")).status == "kept"
 
 
+def test_a_full_disk_is_named(folder, tmp_path, monkeypatch, capsys):
+    """Of an input's output, and of the summary, without which the exit status is that of a batch that did not end."""
+
+    def fail(_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(places, "replacing", fail)
+    assert main(["batch", str(folder / "in" / "cube.off"), "-o", str(tmp_path), "--workers", "1", *ARRAY]) == 1
+    error = f"{tmp_path}: No space left on device; make room there, and run the batch again"
+    assert capsys.readouterr().err.splitlines() == [f"ciir: {folder / 'in' / 'cube.off'}: {error}", f"ciir: {error}"]
+
+
+@pytest.mark.parametrize("left", [0, 100])
+@pytest.mark.parametrize("out", ["vase", "vase.png"])
+def test_an_output_that_was_cut_off_is_made_anew(folder, tmp_path, out, left):
+    request = Request(Options(lenses=(12, 12), pixels=(3, 3), model="none"), str(tmp_path))
+    task = Task(str(folder / "in" / "arrays" / "vase.png"), out, is_file="." in out)
+    work(task, request)
+    view = tmp_path / out if task.is_file else tmp_path / out / "view_01_01.png"
+    whole = view.read_bytes()
+    view.write_bytes(whole[:left])
+    assert [work(task, request).status for _ in range(2)] == ["done", "kept"]
+    assert view.read_bytes() == whole
+
+
 @pytest.mark.parametrize("others", [(), ("mine.txt",)])
 def test_an_earlier_output_leaves_no_empty_folder(folder, tmp_path, others):
     request = Request(Options(lenses=(12, 12), pixels=(3, 3), model="none"), str(tmp_path / "out"), "one run")
@@ -103,6 +130,38 @@ def test_outputs_in_an_input_are_refused_before_they_are_inputs(tmp_path, monkey
         capsys.readouterr().err
     )
     assert not (tmp_path / "in" / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("given", "out"),
+    [
+        ("safe/a.off", "safe"),
+        ("link/a.off", "safe"),
+        ("link/*.off", "safe"),
+        ("other/../safe/a.off", "safe"),
+        ("safe/a.off", "other/../link"),
+        ("safe/a.off", "file://safe"),
+        ("file://link/a.off", "safe/"),
+        ("other/a.off", "safe"),  # a link to the file
+        ("other/a.off", "other"),
+    ],
+)
+def test_outputs_where_an_input_is_are_refused_however_both_are_named(tmp_path, monkeypatch, capsys, given, out):
+    for name in ("safe", "other"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "safe" / "a.off").write_bytes(CUBE)
+    (tmp_path / "link").symlink_to("safe")
+    (tmp_path / "other" / "a.off").symlink_to("../safe/a.off")
+    monkeypatch.chdir(tmp_path)
+    assert main(["batch", given, "-o", out, "--name", "{path}.png", "--workers", "1", *ARRAY]) == 2
+    assert f"{out}: the input {tmp_path}" in capsys.readouterr().err
+    assert (tmp_path / "safe" / "a.off").read_bytes() == CUBE
+    assert sorted(path.name for path in tmp_path.glob("*/*") if path.name != "a.off") == []
+
+
+def test_a_scene_is_no_file_of_the_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["batch", "scene:vase", "-o", ".", "--workers", "1", *ARRAY]) == 0
 
 
 def test_results_are_those_of_reconstruct(folder, tmp_path):
