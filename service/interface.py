@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
 import numpy as np
@@ -273,7 +273,7 @@ def upscale(
     large: np.ndarray[Any, np.dtype[Any]] = np.stack(list(writer.views.values()))
     if isinstance(images, LightField):
         views = large.reshape(*light_field.views.shape[:2], *large.shape[1:])
-        return LightField(views, tuple(report["notes"]), images.is_ordered, images.depth_sense)
+        return replace(images, views=views, notes=tuple(report["notes"]), lens_pitch=None)
     return large[0, ..., 0] if images.ndim == 2 else large[0]
 
 

@@ -90,15 +90,13 @@ def show_light_field(
     target: Target,
     options: WriterOptions,
     *,
-    own_aspect: float | None = None,
     max_pixels: int = DEFAULT_LIMITS.pixels,
     progress: Progress = ignore_progress,
 ) -> DisplayPicture:
     """The picture of a light field for `target`, with notes.
 
-    `own_aspect`: width / height that its views are shown with, where their pixels are not square. `max_pixels`: most
-    pixels of a quilt, whose views are made smaller where they exceed it. Levels of a camera with fewer than 16 bits are
-    raised (`ciir.bit_depth`), by what no view uses that is shown: displays show the whole range.
+    `max_pixels`: most pixels of a quilt, whose views are made smaller where they exceed it. Levels of a camera with
+    fewer than 16 bits are raised (`ciir.bit_depth`), by what no view uses that is shown: displays show the whole range.
     """
     if not isinstance(target, IntegralDisplay):
         shown = find_row(light_field.views.shape[0], light_field.depth_sense)
@@ -107,7 +105,8 @@ def show_light_field(
     if unused:
         light_field = replace(light_field, views=raise_levels(light_field.views, unused))
     height, width = light_field.views.shape[2:4]
-    own, disparity = own_aspect or width / height, options.disparity
+    pixel_aspect, disparity = light_field.pixel_aspect, options.disparity
+    own = round(width / height * pixel_aspect, 12)  # of a quilt the aspect that was read, to the last digit
     first_notes = *note_raising("display", unused), *((BLACK,) if light_field.is_transparent() else ())
     if isinstance(target, Quilt):
         quilt, layout, notes = make_quilt(
@@ -121,11 +120,19 @@ def show_light_field(
         return DisplayPicture(quilt, (*first_notes, *notes), layout)
     cameras = order_as_cameras(light_field)
     if isinstance(target, IntegralDisplay):
-        panel = resample_panel(cameras, target, conversion=options.conversion, disparity=disparity, progress=progress)
-        return DisplayPicture(panel, (*first_notes, *describe_light_field(cameras, target, disparity)), ppi=target.ppi)
+        panel = resample_panel(
+            cameras,
+            target,
+            conversion=options.conversion,
+            disparity=disparity,
+            pixel_aspect=pixel_aspect,
+            progress=progress,
+        )
+        notes = describe_light_field(cameras, target, disparity, pixel_aspect)
+        return DisplayPicture(panel, (*first_notes, *notes), ppi=target.ppi)
     count = max(NATIVE_VIEWS, cameras.shape[1])
     row, notes = take_row(cameras, count, disparity=disparity)
-    notes += describe_native(cameras, target, disparity)
+    notes += describe_native(cameras, target, disparity, pixel_aspect)
     row, padded = pad_to_aspect(row, own, target.aspect)
     native = interlace(row, target, progress=progress)
     return DisplayPicture(native, (*first_notes, *notes, *padded), ppi=target.ppi)

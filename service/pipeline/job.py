@@ -97,6 +97,11 @@ class Job:
         """How views move with depth; those of a mesh are a lens array's."""
         return "lenses" if isinstance(self.content, Scene) else self.content.depth_sense
 
+    @property
+    def pixel_aspect(self) -> float:
+        """As `LightField.pixel_aspect`."""
+        return self.content.pixel_aspect if isinstance(self.content, LightField) else 1.0
+
     @cached_property
     def is_transparent(self) -> bool:
         """Whether some pixel of some view that may be used is not opaque. A mesh's views are opaque."""

@@ -55,4 +55,10 @@ def read(bundle: Bundle, key: str, layout: QuiltLayout) -> LightField:
             f"views of {width}x{height} pixels are shown with the aspect {layout.aspect:.4g}: pixels are not square"
         )
     notes += note_profile(bundle.files[key], name)
-    return LightField(views[None], notes=tuple(notes), is_ordered=True, depth_sense="cameras")
+    return LightField(
+        views[None],
+        notes=tuple(notes),
+        is_ordered=True,
+        depth_sense="cameras",
+        pixel_aspect=layout.aspect * height / width,
+    )

@@ -19,10 +19,6 @@ from ciir.renderer.displays.quilt import join_views
 from ciir.renderer.displays.rays import RayCaster
 from ciir.renderer.displays.screen import Screen
 from ciir.renderer.framing import frame_scene
-from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.containers.quilts import find_layout
-from ciir.renderer.readers.inputs import find_main
-from ciir.renderer.readers.registry import PictureFormat
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.scene import Scene
 from ciir.renderer.writers.formats import check_options
@@ -82,10 +78,7 @@ def make_picture(
             matrix = frame_scene(content, _find_array(target), options.placement)
             picture = _render(content.transform(matrix), options, target, progress)
         else:
-            own_aspect = _find_aspect(source, content)
-            picture = show_light_field(
-                content, target, written, own_aspect=own_aspect, max_pixels=most, progress=progress
-            )
+            picture = show_light_field(content, target, written, max_pixels=most, progress=progress)
     report: Report = {
         "input": given.describe(opened),
         "display": _describe(
@@ -153,16 +146,6 @@ def _render(scene: Scene, options: Options, target: Target, progress: Progress) 
         budget = measure_quilt(scene, screen, layout.count, target.tile[1])
     ppi = None if isinstance(target, Quilt) else target.ppi
     return DisplayPicture(pixels, (*budget.notes(options.zoom), *caster.notes(), *check.list_notes()), layout, ppi)
-
-
-def _find_aspect(source: Source, light_field: LightField) -> float:
-    """Width / height that the views are shown with. Only quilts have pixels that are not square."""
-    layout = None
-    if isinstance(source, Bundle) and (found := find_main(source)) is not None:
-        layout = find_layout(source, found[1]) if isinstance(found[0], PictureFormat) else None
-    height, width = light_field.views.shape[2:4]
-    is_quilt = layout is not None and light_field.views.shape[:2] == (1, layout.count)
-    return layout.aspect if layout is not None and is_quilt else width / height
 
 
 def _describe(kind: Kind, target: Target) -> Report:

@@ -48,7 +48,9 @@ def test_a_colour_profile_that_is_not_srgb_is_noted(tmp_path):
 
 
 def test_pixels_that_are_not_square_are_noted(tmp_path):
-    assert "shown with the aspect 0.75: pixels are not square" in read(write(tmp_path, "a_qs3x2a0.75.png")).notes[1]
+    found = read(write(tmp_path, "a_qs3x2a0.75.png"))
+    assert "shown with the aspect 0.75: pixels are not square" in found.notes[1]
+    assert found.pixel_aspect * VIEWS.shape[2] / VIEWS.shape[1] == pytest.approx(0.75)
 
 
 def test_an_upload_has_its_layout_in_its_name():

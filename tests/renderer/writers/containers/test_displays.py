@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import ciir
 from ciir.errors import InvalidOption, TooLarge, Unreadable
 from ciir.renderer.displays.integral import parse_display
 from ciir.renderer.displays.lenticular import interlace
@@ -46,6 +47,18 @@ def test_a_quilt_begins_with_the_leftmost_camera(tmp_path, sense):
     quilt = read(tmp_path / "a.png")
     np.testing.assert_array_equal(split_quilt(quilt, QuiltLayout(8, 6, 0.75), name="a"), views[1])
     np.testing.assert_array_equal(quilt[-8:, :6], views[1, 0])
+
+
+def test_a_quilt_is_saved_as_it_was_read(tmp_path):
+    """Its views are shown with the aspect in its name, whatever that of their pixels."""
+    FIELD.save(tmp_path / "a_qs8x6a1.77778.png", quilt="8x6", aspect=1.77778)
+    quilt = Image.fromarray(read(tmp_path / "a_qs8x6a1.77778.png")).resize((80, 90))
+    quilt.save(tmp_path / "b_qs8x6a1.77778.png")
+    light_field = ciir.open(tmp_path / "b_qs8x6a1.77778.png")
+    notes = light_field.save(tmp_path / "c.png", quilt="8x6")
+    assert np.array_equal(read(tmp_path / "c.png"), np.asarray(quilt))
+    assert "name it c_qs8x6a1.77778.png" in notes[-1]
+    assert json.loads((tmp_path / "c.png.json").read_text())["aspect"] == 1.77778
 
 
 def test_for_a_device_views_get_its_aspect(tmp_path):
