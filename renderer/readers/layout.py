@@ -36,7 +36,7 @@ class Layout:
     """Rows and columns of pixels under a lens: the number of views."""
     pickup: Pickup = "virtual"
     frame: int = 0
-    """Of a video, where `selects_frame`: which one."""
+    """Of a video, where `selects_frame` or its name says that it is of quilts: which one."""
     arrangement: Arrangement = "auto"
     crop: tuple[int, int, int, int] = (0, 0, 0, 0)
     """Pixels of margin around an elemental image array or a mosaic: top, left, bottom, right."""

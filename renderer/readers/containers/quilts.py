@@ -15,6 +15,7 @@ from ciir.renderer.readers.names import clean_text
 if TYPE_CHECKING:
     from ciir.renderer.displays.quilt import QuiltLayout
     from ciir.renderer.readers.bundle import Bundle
+    from ciir.renderer.readers.pictures import Pixels
 
 
 def find_layout(bundle: Bundle, key: str) -> QuiltLayout | None:
@@ -38,13 +39,21 @@ def find_layout(bundle: Bundle, key: str) -> QuiltLayout | None:
 
 
 def read(bundle: Bundle, key: str, layout: QuiltLayout) -> LightField:
-    """The quilt's views, `(1, columns * rows, h, w, c)`, from the leftmost camera on. A note names a colour profile
-    that is not sRGB.
+    """The views of the picture `key`, as `read_pixels`. A note names a colour profile that is not sRGB.
 
-    Raises `InvalidOption` where the picture is smaller than its layout, and what decoding it raises.
+    Raises as `read_pixels`, and what decoding it raises.
     """
     name = clean_text(bundle.name)
     quilt = pictures.decode(bundle.files[key], name=name, max_pixels=bundle.limits.pixels)
+    found = read_pixels(quilt, layout, name=name)
+    return replace(found, notes=(*found.notes, *note_profile(bundle.files[key], name)))
+
+
+def read_pixels(quilt: Pixels, layout: QuiltLayout, *, name: str) -> LightField:
+    """The quilt's views, `(1, columns * rows, h, w, c)`, from the leftmost camera on.
+
+    Raises `InvalidOption` where the picture is smaller than its layout.
+    """
     views = split_quilt(quilt, layout, name=name)
     notes = [f"read as a quilt of {layout.cols} columns and {layout.rows} rows of views"]
     if layout.is_inverted:
@@ -54,7 +63,6 @@ def read(bundle: Bundle, key: str, layout: QuiltLayout) -> LightField:
         notes.append(
             f"views of {width}x{height} pixels are shown with the aspect {layout.aspect:.4g}: pixels are not square"
         )
-    notes += note_profile(bundle.files[key], name)
     return LightField(
         views[None],
         notes=tuple(notes),

@@ -45,7 +45,10 @@ READING = {
         "optical",
     ),
     "frame": Option(
-        "N", "the frame to read of a video of EIAs (with --lenses), from 0 (default 0)", make_integer(0, 999_999), "0"
+        "N",
+        "the frame to read of a video of EIAs (with --lenses) or of quilts, from 0 (default 0)",
+        make_integer(0, 999_999),
+        "0",
     ),
     "arrangement": Option(
         "NAME",

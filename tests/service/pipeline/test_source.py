@@ -56,7 +56,10 @@ def containers(tmp_path_factory):
         ({"crop": (0, 0, 1, 0)}, "crop: this is for elemental image arrays and {} holds views; leave it out"),
         (
             {"frame": 1},
-            "frame: this is for a video of elemental image arrays (lenses or arrangement eia); leave it out of {}",
+            (
+                "frame: this is for a video of elemental image arrays (lenses or arrangement eia) or of quilts "
+                "(NAME_qs8x6a0.75.mp4); leave it out of {}"
+            ),
         ),
     ],
 )

@@ -192,6 +192,10 @@ def test_with_fit_none_a_mesh_stays_at_its_own_place(folder):
         ("scene:vase -o a.png --display p.toml --pickup optical", "pickup: optical is for elemental image arrays"),
         ("scene:vase -o a.png --calibration c.json --sampling lenslet", "sampling: a native picture takes one ray"),
         ("scene:vase -o a.png --display p.toml --disparity 1", "disparity: this is for light fields"),
+        (
+            "in.npz -o a_qs3x2a1.mp4",
+            "a_qs3x2a1.mp4: _qs3x2a1 names a quilt, and mp4 holds no quilts; end the name with",
+        ),
         ("scene:vase -o a.png --display p.toml --backend raster", "backend: pictures for displays are cast by rays"),
     ],
 )
