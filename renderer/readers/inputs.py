@@ -172,7 +172,7 @@ def _find_eslf(light_field: LightField, layout: Layout) -> LightField:
     """The views that are not empty, with a note, where an elemental image array is ESLF under another name."""
     from ciir.renderer.readers.containers import eslf
 
-    is_open = (layout.arrangement, layout.pickup, light_field.depth_sense) == ("auto", "virtual", "lenses")
+    is_open = (layout.arrangement, light_field.depth_sense) == ("auto", "lenses") and layout.pickup != "optical"
     if not (is_open and eslf.has_empty_corners(light_field.views)):
         return light_field
     found = eslf.select_views(light_field.views)

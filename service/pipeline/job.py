@@ -201,7 +201,7 @@ def check_kind(name: str, content: Content, options: Options, *, is_upscaled: bo
     upscaled too.
     """
     if isinstance(content, Scene):
-        if options.pickup != "virtual":
+        if options.pickup == "optical":
             raise InvalidOption(f"pickup: optical is for elemental image arrays and {name} is a mesh; leave it out")
         for option in ("frame", "arrangement", "crop", "order", "flip", "transpose", "depth_sense"):
             if getattr(options, option) != getattr(Options, option):

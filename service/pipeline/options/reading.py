@@ -40,7 +40,8 @@ READING = {
     ),
     "pickup": Option(
         "NAME",
-        "virtual: elemental images are upright; optical: turned by 180 degrees (default virtual)",
+        "virtual: elemental images are upright; optical: turned by 180 degrees (default: what a PNG that ciir wrote "
+        "says, else virtual)",
         make_name(get_args(Pickup)),
         "optical",
     ),
@@ -99,7 +100,7 @@ class ReadingOptions:
     delta: float | None = None
     parallax: float | None = None
     """Degrees."""
-    pickup: Pickup = "virtual"
+    pickup: Pickup | None = None
     frame: int = 0
     arrangement: Arrangement = "auto"
     crop: tuple[int, int, int, int] = (0, 0, 0, 0)

@@ -69,6 +69,10 @@ def test_what_views_in_a_file_ignore_is_refused(containers, name, options, messa
     assert str(caught.value) == message.format(name)
 
 
+def test_views_are_upright(containers):
+    ciir.reconstruct(containers / "a.mat", model="none", pickup="virtual")
+
+
 @pytest.mark.parametrize("name", ["a.mat", "a.tif", "a_qs4x3a1.png"])
 def test_an_arrangement_is_refused_but_for_pictures_and_frames_of_a_video(containers, name):
     with pytest.raises(InvalidOption, match=f"arrangement: this is for elemental image arrays and {name} holds views"):

@@ -52,6 +52,18 @@ def test_what_the_text_of_a_png_says_of_its_views(layout):
     assert (field.notes, field.depth_sense) == ((), "lenses")
 
 
+@pytest.mark.parametrize("written", ["virtual", "optical"])
+@pytest.mark.parametrize(
+    ("given", "layout"),
+    [(None, {}), ("virtual", {}), ("optical", {}), ("virtual", {"arrangement": "eia", "lenses": (60, 60)})],
+)
+def test_a_pickup_that_is_given_wins_with_a_note(written, given, layout):
+    field = read_png(EIA, write_text("eia", (5, 7, 60, 60), written), pickup=given, **layout)
+    assert np.array_equal(field.eia(pickup=given or written), EIA)
+    note = f"pickup: the file's own text says {written}; it is read as {given}, as was given"
+    assert field.notes == (() if given in (None, written) else (note,))
+
+
 def test_other_options_and_sizes_than_the_text_of_a_png_has():
     assert read_png(MOSAIC, OWN, arrangement="mosaic", pixels=(5, 7)).depth_sense == "cameras"
     assert read_png(EIA, OWN, pixels=(10, 7)).views.shape[:2] == (10, 7)
