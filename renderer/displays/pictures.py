@@ -20,7 +20,7 @@ from ciir.renderer.limits import DEFAULT_LIMITS
 
 if TYPE_CHECKING:
     from ciir.renderer.displays.progress import Progress
-    from ciir.renderer.displays.quilt import QuiltLayout
+    from ciir.renderer.displays.quilt import QuiltLayout, QuiltName
     from ciir.renderer.light_field import LightField
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.writers.options import WriterOptions
@@ -61,7 +61,7 @@ def find_target(
     kind: Kind,
     options: WriterOptions,
     *,
-    named: QuiltLayout | None = None,
+    named: QuiltName | None = None,
     max_pixels: int = DEFAULT_LIMITS.pixels,
 ) -> Target:
     """The display that `options` describe. `named`: the layout in a quilt's name, by default that in `options`.

@@ -43,7 +43,7 @@ from ciir.renderer.readers.view_set.view_files import ViewFiles
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from ciir.renderer.displays.quilt import QuiltLayout
+    from ciir.renderer.displays.quilt import QuiltLayout, QuiltName
     from ciir.renderer.light_field import LightField
     from ciir.renderer.placement import Placement
     from ciir.renderer.readers.bundle import Bundle
@@ -276,7 +276,7 @@ def _name_main(bundle: Bundle, key: str) -> str:
     return clean_text(bundle.name if bundle.main is not None else f"{bundle.name}/{key}")
 
 
-def _find_quilt(bundle: Bundle, key: str, layout: Layout) -> QuiltLayout | None:
+def _find_quilt(bundle: Bundle, key: str, layout: Layout) -> QuiltLayout | QuiltName | None:
     """The layout of a quilt; None where the picture is another one. Raises `InvalidOption` for other numbers."""
     given = "lenses" if layout.lenses else "pixels" if layout.pixels else None
     if given is not None and layout.arrangement != "auto":
@@ -342,7 +342,7 @@ def _reported(name: str, format_: Format) -> Iterator[None]:
 
 
 def _read_quilt_frame(
-    bundle: Bundle, key: str, format_: ContainerFormat, quilt: QuiltLayout, number: int
+    bundle: Bundle, key: str, format_: ContainerFormat, quilt: QuiltLayout | QuiltName, number: int
 ) -> LightField:
     """The light field in the frame `number` of a video of quilts."""
     from ciir.renderer.readers.containers import video

@@ -32,7 +32,7 @@ from ciir.service.pipeline.stages.object_check import ObjectCheck
 
 if TYPE_CHECKING:
     from ciir.renderer.displays.pictures import Kind, Target
-    from ciir.renderer.displays.quilt import QuiltLayout
+    from ciir.renderer.displays.quilt import QuiltLayout, QuiltName
     from ciir.renderer.lens_array import LensArray
     from ciir.renderer.light_field import LightField
     from ciir.renderer.readers.pictures import Pixels
@@ -45,7 +45,7 @@ def make_picture(
     options: Options,
     kind: Kind | None = None,
     *,
-    named: QuiltLayout | None = None,
+    named: QuiltName | None = None,
     max_pixels: int | None = None,
     progress: Progress = ignore_progress,
     clock: Clock | None = None,

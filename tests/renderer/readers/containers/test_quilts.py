@@ -53,6 +53,19 @@ def test_pixels_that_are_not_square_are_noted(tmp_path):
     assert found.pixel_aspect * VIEWS.shape[2] / VIEWS.shape[1] == pytest.approx(0.75)
 
 
+def test_without_an_aspect_pixels_are_square(tmp_path):
+    found = read(write(tmp_path, "a_qs3x2.png"))
+    assert np.array_equal(found.views, VIEWS[None])
+    assert found.pixel_aspect == 1.0
+    assert found.notes[1] == "the name has no aspect: pixels are taken as square"
+
+
+def test_an_aspect_that_a_name_lacks_is_in_the_json_beside_it(tmp_path):
+    beside = QuiltLayout(3, 2, 0.75).to_json()
+    assert read(write(tmp_path, "a_qs3x2.png", beside)).pixel_aspect == 1.5
+    assert read(write(tmp_path, "b_qs2x3.png", beside)).pixel_aspect == 1.0
+
+
 def test_an_upload_has_its_layout_in_its_name():
     data = encode(join_views(VIEWS, LAYOUT), ".png")
     assert read(Bundle.from_upload("a_qs3x2a0.5.png", data)).views.shape[:2] == (1, 6)

@@ -5,7 +5,7 @@ import pytest
 
 import ciir
 from ciir.errors import InvalidOption
-from ciir.renderer.displays.quilt import QuiltLayout, parse_name
+from ciir.renderer.displays.quilt import QuiltName, parse_name
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
@@ -285,7 +285,7 @@ def test_a_note_on_a_mosaic_has_the_name_that_a_quilt_needs():
     wide = np.repeat(MOSAIC, 2, axis=1)  # views twice as wide as high
     (note,) = (note for note in read(wide, pixels=(5, 7), order="given").notes if note.startswith("arrangement"))
     advised = note.rpartition(" ")[2]
-    assert parse_name(advised) == QuiltLayout(7, 5, 2.0)
+    assert parse_name(advised) == QuiltName(7, 5, 2.0)
 
 
 @pytest.mark.parametrize(

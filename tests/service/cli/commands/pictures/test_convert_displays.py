@@ -213,6 +213,17 @@ def test_the_input_is_never_replaced(folder, capsys):
     assert "the input is there" in capsys.readouterr().err
 
 
+def test_a_name_without_an_aspect_makes_a_quilt_and_is_kept(folder, capsys):
+    for words in ("in.npz -o q_qs3x2.png", "in.npz -o q_qs3x2.png --to quilt"):
+        assert convert(words) == 0
+        printed = capsys.readouterr()
+        assert "q_qs3x2.png: quilt of 3x2 views" in printed.out
+        assert "its name has no aspect; views of a mesh get 0.75, others keep their own" in printed.err
+    assert json.loads((folder / "q_qs3x2.png.json").read_text())["aspect"] == 1.0
+    assert convert("q_qs3x2.png -o q_qs3x2_qs2x3a1.png") == 0
+    assert "quilt of 2x3 views" in capsys.readouterr().out
+
+
 def test_a_quilt_alone_in_a_folder_keeps_its_aspect(folder):
     """Its pixels are not square, as its name says."""
     (folder / "box").mkdir()
