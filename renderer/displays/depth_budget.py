@@ -87,6 +87,15 @@ def describe_light_field(
     return (_describe_sharp(cameras, moved, disparity), *flat)
 
 
+def describe_directions(share: float, display: IntegralDisplay) -> tuple[str, ...]:
+    """A note on the share of a panel's subpixels that look in directions beyond those of all views."""
+    if share < 0.01:
+        return ()
+    remedy = "leave viewer.distance out, or render" if math.isfinite(display.distance) else "render"
+    what = "look in directions that no view shows, and get the outermost view"
+    return (f"panel: {_percent(share)} of its subpixels {what}; {remedy} the mesh itself",)
+
+
 def describe_native(
     cameras: Pixels, calibration: Calibration, disparity: float, pixel_aspect: float = 1.0
 ) -> tuple[str, ...]:

@@ -67,6 +67,7 @@ def resample_panel(
     conversion: Conversion = "spoc",
     disparity: float = 0.0,
     pixel_aspect: float = 1.0,
+    beyond: NDArray[np.float64] | None = None,
     progress: Progress = ignore_progress,
 ) -> Pixels:
     """The panel's picture `(height, width, 3)` of a light field.
@@ -75,7 +76,8 @@ def resample_panel(
     fits into the panel, and all views together into the angles that a lens shows. What has `disparity`, in pixels
     from view to view, lies in the plane of the lenses: the reference plane of SPOC. Where lenses show more directions
     than there are views, views between them are interpolated. Around the views it is black. `pixel_aspect`: as in
-    `LightField`.
+    `LightField`. `beyond`: `(height,)`, gets the share of each row's subpixels that look in directions beyond those of
+    all views, of which they get the outermost, along axes with several views.
     """
     reduced_y, reduced_x = _find_factors(views.shape[2:4], display, pixel_aspect)
     views = reduce_views(views, (reduced_y, reduced_x)) if max(reduced_y, reduced_x) > 1 else views
@@ -89,12 +91,15 @@ def resample_panel(
     # Of what lies in the reference plane, from one view to the next.
     drift_v = disparity * pixel_aspect / reduced_y * (size_v - 1) / max(dense_v - 1, 1)
     drift_u = disparity / reduced_x * (size_u - 1) / max(dense_u - 1, 1)
+    reach = np.array([count / 2 + 1e-6 if count > 1 else np.inf for count in (size_u, size_v)])  # views
     panel = np.empty((display.height, display.width, 3), views.dtype)
     channel = np.arange(3) if channels >= 3 else np.zeros(3, np.intp)
 
     def make(row: int) -> None:
         lens, tangent = display.trace_row(row)  # (panel width, 3, 2)
         turn = (tangent if conversion == "spoc" else -tangent) / step
+        if beyond is not None:
+            beyond[row] = (np.abs(turn) > reach).any(axis=-1).mean()
         # A line that rises away from the viewer is one of a camera below, one to the right of a camera at the left.
         x, y = (width - 1) / 2 + lens[..., 0] / scale_x, (height - 1) / 2 - lens[..., 1] / scale_y
         total = np.zeros(x.shape)

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, get_args
 
+import numpy as np
+
 from ciir.bit_depth import count_unused_camera_bits, raise_levels
 from ciir.errors import InvalidOption
-from ciir.renderer.displays.depth_budget import describe_light_field, describe_native
+from ciir.renderer.displays.depth_budget import describe_directions, describe_light_field, describe_native
 from ciir.renderer.displays.devices import Quilt, resolve_quilt
 from ciir.renderer.displays.integral import IntegralDisplay, parse_display
 from ciir.renderer.displays.lenticular import Calibration, interlace, parse_calibration
@@ -120,15 +122,18 @@ def show_light_field(
         return DisplayPicture(quilt, (*first_notes, *notes), layout)
     cameras = order_as_cameras(light_field)
     if isinstance(target, IntegralDisplay):
+        beyond = np.zeros(target.height)
         panel = resample_panel(
             cameras,
             target,
             conversion=options.conversion,
             disparity=disparity,
             pixel_aspect=pixel_aspect,
+            beyond=beyond,
             progress=progress,
         )
         notes = describe_light_field(cameras, target, disparity, pixel_aspect)
+        notes += describe_directions(float(beyond.mean()), target)
         return DisplayPicture(panel, (*first_notes, *notes), ppi=target.ppi)
     count = max(NATIVE_VIEWS, cameras.shape[1])
     row, notes = take_row(cameras, count, disparity=disparity)

@@ -54,6 +54,25 @@ def test_pixels_that_are_not_square_make_the_picture_of_square_ones(kind):
     assert sharp == pytest.approx(3 * of_square, rel=0.05)  # in pixels
 
 
+@pytest.mark.parametrize(
+    ("viewer", "grid", "share", "remedy"),
+    [
+        ("[viewer]\ndistance = 250\n", (3, 3), "35 %", "leave viewer.distance out, or render the mesh itself"),
+        ("[viewer]\ndistance = 250\n", (1, 3), "25 %", "leave viewer.distance out, or render the mesh itself"),
+        ("", (2, 4), "51 %", "render the mesh itself"),  # half as high as wide
+        ("", (3, 3), "", ""),
+    ],
+)
+def test_directions_that_no_view_shows_are_noted(viewer, grid, share, remedy):
+    """On half of the panel of docs/displays.md at half the distance; of one row of views along x alone."""
+    text = "[panel]\npixels = [960, 540]\nppi = 280\n[lenses]\npitch = 1.0\ngap = 3.0\n"
+    options = WriterOptions(display=text + viewer)
+    field = LightField(np.zeros((*grid, 4, 4, 1), np.uint8), depth_sense="cameras")
+    notes = show_light_field(field, find_target("panel", options), options).notes
+    what = "of its subpixels look in directions that no view shows, and get the outermost view"
+    assert [note for note in notes if "panel" in note] == [f"panel: {share} {what}; {remedy}"] * bool(share)
+
+
 @pytest.mark.parametrize(("sense", "shown"), [("cameras", 0), ("lenses", 1)])
 def test_only_what_is_shown_counts(sense, shown):
     """A folder's other rows are not even read."""
