@@ -125,10 +125,15 @@ def reduce_views(views: Pixels, cell: tuple[int, int]) -> Pixels:
     return reduced
 
 
+def find_reduction(size: tuple[int, int], count: int, most: int) -> int:
+    """The least whole factor that reduces `count` views of `size`, height and width, to at most `most` pixels."""
+    return max(1, math.ceil(math.sqrt(count * size[0] * size[1] / most)))
+
+
 def fit_pixels(views: Pixels, count: int, most: int) -> tuple[Pixels, tuple[str, ...]]:
     """The views, reduced by a whole factor where `count` of their size would exceed `most` pixels; and a note then."""
     height, width = views.shape[-3:-1]
-    factor = math.ceil(math.sqrt(count * height * width / most))
-    if factor <= 1:
+    factor = find_reduction((height, width), count, most)
+    if factor == 1:
         return views, ()
     return reduce_views(views, (factor, factor)), (f"views of {width}x{height} pixels are made {factor} times smaller",)

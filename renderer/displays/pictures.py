@@ -13,7 +13,14 @@ from ciir.renderer.displays.depth_budget import describe_directions, describe_li
 from ciir.renderer.displays.devices import Quilt, resolve_quilt
 from ciir.renderer.displays.integral import IntegralDisplay, parse_display
 from ciir.renderer.displays.lenticular import Calibration, interlace, parse_calibration
-from ciir.renderer.displays.light_fields import find_row, make_quilt, order_as_cameras, pad_to_aspect, take_row
+from ciir.renderer.displays.light_fields import (
+    find_reduction,
+    find_row,
+    make_quilt,
+    order_as_cameras,
+    pad_to_aspect,
+    take_row,
+)
 from ciir.renderer.displays.panel import Conversion, resample_panel
 from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.displays.quilt import parse_grid, parse_name
@@ -85,6 +92,20 @@ def find_target(
     if not options.display:
         raise InvalidOption("display: a panel's picture needs it; give a TOML file as in docs/displays.md")
     return parse_display(options.display.encode(), name="display", max_pixels=max_pixels)
+
+
+def find_size(
+    target: Target, views: tuple[int, int] | None = None, max_pixels: int = DEFAULT_LIMITS.pixels
+) -> tuple[int, int]:
+    """Height and width of the picture for `target`; of a quilt without the borders that views may get.
+
+    `views`: height and width of a light field's; None for a mesh's. `max_pixels`: as in `show_light_field`.
+    """
+    if not isinstance(target, Quilt):
+        return target.height, target.width
+    height, width = views or target.tile
+    factor = find_reduction((height, width), target.layout.count, max_pixels) if views else 1
+    return height // factor * target.layout.rows, width // factor * target.layout.cols
 
 
 def show_light_field(

@@ -6,6 +6,8 @@ import math
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ciir.errors import InvalidOption
 from ciir.renderer.displays.depth_budget import measure_integral, measure_lenticular, measure_quilt
 from ciir.renderer.displays.devices import Quilt
@@ -13,7 +15,7 @@ from ciir.renderer.displays.integral import IntegralDisplay
 from ciir.renderer.displays.lenticular import Calibration
 from ciir.renderer.displays.light_fields import find_row
 from ciir.renderer.displays.panel import render_panel
-from ciir.renderer.displays.pictures import USES, DisplayPicture, find_kind, find_target, show_light_field
+from ciir.renderer.displays.pictures import USES, DisplayPicture, find_kind, find_size, find_target, show_light_field
 from ciir.renderer.displays.progress import Progress, ignore_progress
 from ciir.renderer.displays.quilt import join_views
 from ciir.renderer.displays.rays import RayCaster
@@ -22,6 +24,7 @@ from ciir.renderer.framing import frame_scene
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.scene import Scene
 from ciir.renderer.writers.formats import check_options
+from ciir.renderer.writers.pictures import BY_SUFFIX
 from ciir.service.pipeline.displays.rays import check_rays, count_rays, find_samples
 from ciir.service.pipeline.job import check_kind
 from ciir.service.pipeline.options import KINDS
@@ -46,6 +49,7 @@ def make_picture(
     kind: Kind | None = None,
     *,
     named: QuiltName | None = None,
+    suffix: str = ".png",
     max_pixels: int | None = None,
     progress: Progress = ignore_progress,
     clock: Clock | None = None,
@@ -53,7 +57,8 @@ def make_picture(
     """The picture for the display that `options` describe, and the report.
 
     A mesh is cast ray by ray; without `place` it stands astride the display's plane, with `fit` none at its own place.
-    `kind`: by default the one that the options are for. `named`: the layout in a quilt's name. `max_pixels`: most
+    `kind`: by default the one that the options are for. `named`: the layout in a quilt's name. `suffix`: of the
+    picture's file, whose format must hold it. `max_pixels`: most
     pixels of the picture, and most rays.
 
     Raises `InputError`.
@@ -69,6 +74,10 @@ def make_picture(
         opened = given.open(options, views="all")
         content = _load_views(opened, target) if isinstance(opened, ViewFiles) else opened
     _check_options(given.name, content, options, target)
+    if isinstance(content, Scene):
+        BY_SUFFIX[suffix].check(find_size(target), np.dtype(np.uint8))
+    else:
+        BY_SUFFIX[suffix].check(find_size(target, content.views.shape[2:4], most), content.views.dtype)
     matrix = None
     with clock.stage("render" if isinstance(content, Scene) else "map"):
         if isinstance(content, Scene):

@@ -15,6 +15,7 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.pictures import decode
+from ciir.renderer.writers.containers import displays
 from ciir.renderer.writers.formats import WHOLE_BY_SUFFIX
 from tests.support.displays import CALIBRATION, make_calibration
 from tests.support.light_fields import make_views
@@ -129,6 +130,20 @@ def test_views_that_are_not_opaque_are_laid_over_black_with_a_note(tmp_path, mon
     for views, expected in ((opaque, False), (half, True)):
         notes = LightField(views, depth_sense="cameras").save("a.png", **options)
         assert ("alpha: the views are laid over black" in notes) is expected
+
+
+def test_what_webp_cannot_hold_is_refused_before_a_picture_is_made(folder, monkeypatch):
+    monkeypatch.setattr(displays, "show_light_field", None)
+    deep = LightField(FIELD.views.astype(np.uint16), depth_sense="cameras")
+    for field, display, message in (
+        (deep, PANEL, r"not 16 bit and 60x40 \(width x height\); name the file .png or .tif"),
+        (FIELD, PANEL.replace("[60, 40]", "[17000, 40]"), r"not 8 bit and 17000x40 \(width x height\)"),
+    ):
+        (folder / "p.toml").write_text(display)
+        with pytest.raises(InvalidOption, match=message):
+            field.save("a.webp", display="p.toml")
+    with pytest.raises(InvalidOption, match=r"not 16 bit and 64x48 \(width x height\)"):
+        deep.save("a_qs8x6a1.webp")
 
 
 @pytest.fixture

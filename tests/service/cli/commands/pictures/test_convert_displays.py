@@ -224,6 +224,17 @@ def test_a_name_without_an_aspect_makes_a_quilt_and_is_kept(folder, capsys):
     assert "quilt of 2x3 views" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("given", ["scene:vase", "in.npz"])
+def test_what_webp_cannot_hold_is_refused_before_a_picture_is_made(folder, monkeypatch, capsys, given):
+    for name in ("show_light_field", "_render"):
+        monkeypatch.setattr(f"ciir.service.pipeline.displays.pictures.{name}", None)
+    (folder / "wide.toml").write_text("[panel]\npixels=[17000,40]\npitch=0.1\n[lenses]\npitch=1.0\ngap=3.0\n")
+    assert convert(f"{given} -o a.webp --display wide.toml") == 2
+    assert "WebP holds 8 bit and 16383 pixels along a side, not 8 bit and 17000x40 (width x height)" in (
+        capsys.readouterr().err
+    )
+
+
 def test_a_quilt_alone_in_a_folder_keeps_its_aspect(folder):
     """Its pixels are not square, as its name says."""
     (folder / "box").mkdir()
