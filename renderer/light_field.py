@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
@@ -38,9 +39,11 @@ class LightField:
     - `depth_sense`: `lenses`, where what is farther moves further to the left from one view to the next on the right,
       or `cameras`, where what is nearer does.
     - `lens_pitch`: of a raw lenslet picture, its pixels from lens to lens.
+    - `pixel_aspect`: width / height that a pixel of a view is shown with; only quilts have others than 1. Slices with
+      unequal steps along y and x change it.
 
     `lf[v, u, y, x]` with slices is a part of it, `numpy.asarray(lf)` its views. Raises `InvalidOption` where `views`
-    is no such array, and for an unknown depth sense.
+    is no such array, for an unknown depth sense, and for a pixel aspect that is not finite and over 0.
     """
 
     views: NDArray[np.uint8] | NDArray[np.uint16]
@@ -48,6 +51,7 @@ class LightField:
     is_ordered: bool = False
     depth_sense: DepthSense = "lenses"
     lens_pitch: float | None = None
+    pixel_aspect: float = 1.0
 
     def __post_init__(self) -> None:
         views: Any = self.views
@@ -66,6 +70,8 @@ class LightField:
                 + advise_axes(views.shape, "views")
             )
         check_depth_sense(self.depth_sense)
+        if not 0 < self.pixel_aspect < math.inf:
+            raise InvalidOption(f"pixel_aspect: {self.pixel_aspect} is out of range; give a pixel's width / height")
 
     def __repr__(self) -> str:
         v, u, rows, cols, channels = self.views.shape
@@ -83,7 +89,8 @@ class LightField:
                 "light field: give one to four slices that go forwards, as in [2:7, 2:7]; view(v, u) takes numbers, "
                 "and flip reverses"
             )
-        return replace(self, views=self.views[slices])
+        step_y, step_x = ([part.step or 1 for part in slices] + [1] * 4)[2:4]
+        return replace(self, views=self.views[slices], pixel_aspect=self.pixel_aspect * (step_x / step_y))
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         """`views`."""

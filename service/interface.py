@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
 import numpy as np
@@ -81,7 +81,7 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     *,
     lenses: tuple[int, int] | None = None,
     pixels: tuple[int, int] | None = None,
-    pickup: Pickup = "virtual",
+    pickup: Pickup | None = None,
     frame: int = 0,
     arrangement: Arrangement = "auto",
     crop: tuple[int, int, int, int] = (0, 0, 0, 0),
@@ -104,7 +104,8 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     `path`: of it, or its content as bytes or as a file object that is open for reading bytes, whose `name` gives the
     suffix where it has one.
     `lenses`: rows and columns of lenses; `pixels`: rows and columns of pixels under each. An elemental image array
-    needs one of them. `pickup`: `optical` where each elemental image is turned by 180 degrees, as real lenses do.
+    needs one of them. `pickup`: `optical` where each elemental image is turned by 180 degrees, as real lenses do;
+    None: as a PNG that was written here says, else `virtual`.
     `frame`: of a video of elemental image arrays, which have `lenses`, the one to read.
     `crop`: pixels of margin around it, (top, left, bottom, right). `arrangement`: `eia`, `mosaic` (views side by side,
     `pixels` rows and columns of them, or each of `lenses` pixels), or `auto`: a mosaic where it certainly is one.
@@ -273,7 +274,7 @@ def upscale(
     large: np.ndarray[Any, np.dtype[Any]] = np.stack(list(writer.views.values()))
     if isinstance(images, LightField):
         views = large.reshape(*light_field.views.shape[:2], *large.shape[1:])
-        return LightField(views, tuple(report["notes"]), images.is_ordered, images.depth_sense)
+        return replace(images, views=views, notes=tuple(report["notes"]), lens_pitch=None)
     return large[0, ..., 0] if images.ndim == 2 else large[0]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ciir.renderer.writers.atomic_write import replacing
@@ -26,7 +27,7 @@ def write_file(
     """
     suffix = path.suffix.lower()
     formats = BY_SUFFIX_OF_TIMES if options.moments else BY_SUFFIX
-    given = name or formats[suffix].name, options.make_writer_options(suffix)
+    given = name or formats[suffix].name, replace(options.make_writer_options(suffix), name=path.name)
     with replacing(path) as file, FileWriter(file, *given) as writer:
         return run.reconstruct(source, options, writer, progress=progress)
 

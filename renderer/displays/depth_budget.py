@@ -73,26 +73,39 @@ def measure_integral(scene: Scene, display: IntegralDisplay) -> DepthBudget:
     return _measure(scene, sharp, display.size, reach, "mm")
 
 
-def describe_light_field(cameras: Pixels, display: IntegralDisplay, disparity: float) -> tuple[str, ...]:
+def describe_light_field(
+    cameras: Pixels, display: IntegralDisplay, disparity: float, pixel_aspect: float = 1.0
+) -> tuple[str, ...]:
     """A note on the disparities of a light field, `(V, U, h, w, c)`, that an integral display shows sharply.
 
     `disparity`: of what lies in the display's plane. See `resample_panel`, which spreads the views over its directions.
     """
     size_v, size_u, height, width, _ = cameras.shape
-    scale = min(display.size[0] / width, display.size[1] / height)
+    _, scale = display.fit_views((height, width), pixel_aspect)
     moved = display.lens_pitch / display.tangent_step * 2 * display.tangent_range / max(size_v, size_u) / scale
     flat = ("one row of views has no vertical parallax: all heights see the same",) if size_v == 1 else ()
     return (_describe_sharp(cameras, moved, disparity), *flat)
 
 
-def describe_native(cameras: Pixels, calibration: Calibration, disparity: float) -> tuple[str, ...]:
+def describe_directions(share: float, display: IntegralDisplay) -> tuple[str, ...]:
+    """A note on the share of a panel's subpixels that look in directions beyond those of all views."""
+    if share < 0.01:
+        return ()
+    remedy = "leave viewer.distance out, or render" if math.isfinite(display.distance) else "render"
+    what = "look in directions that no view shows, and get the outermost view"
+    return (f"panel: {_percent(share)} of its subpixels {what}; {remedy} the mesh itself",)
+
+
+def describe_native(
+    cameras: Pixels, calibration: Calibration, disparity: float, pixel_aspect: float = 1.0
+) -> tuple[str, ...]:
     """As `describe_light_field`, of a native picture: the depth of `measure_lenticular`, which moves by a lens from one
     of its `directions` to the next, in pixels of a view from one of the `U` views to the next.
     """
     _, size_u, height, width, _ = cameras.shape
     if size_u == 1:
         return ()
-    shown = max(width, height * calibration.aspect)  # with the borders of `pad_to_aspect`
+    shown = max(width, height * calibration.aspect / pixel_aspect)  # with the borders of `pad_to_aspect`
     moved = shown / calibration.pitch * calibration.directions / (size_u - 1)
     return (_describe_sharp(cameras, moved, disparity),)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from ciir.errors import InvalidOption
-from ciir.renderer.displays.quilt import QuiltLayout
+from ciir.renderer.displays.quilt import QuiltLayout, QuiltName
 
 
 @dataclass(frozen=True)
@@ -69,43 +69,48 @@ class Quilt:
 
 def resolve_quilt(
     *,
-    named: QuiltLayout | None = None,
+    named: QuiltName | None = None,
     device: str | None = None,
     grid: tuple[int, int] | None = None,
     aspect: float | None = None,
 ) -> Quilt:
     """The quilt of `device`, with `grid` (columns, rows) and `aspect` in place of the device's.
 
-    `named`: the layout in the output's name, which stands in for a device. Without all of them: that of `DEFAULT`, and
-    a light field's views keep their aspect. Raises `InvalidOption` for an unknown device, a number out of range, and
-    where `named` is not what the others say.
+    `named`: the layout in the output's name, which stands in for a device. Without all of them: that of `DEFAULT`.
+    Without a device or an aspect a light field's views keep theirs. Raises `InvalidOption` for an unknown device, a
+    number out of range, and where `named` is not what the others say.
     """
-    shown = _find_by_layout(named) if device is None else find_device(device)
-    layout = shown.layout if device is not None or named is None else named
+    shown = _find_by_name(named) if device is None else find_device(device)
+    layout = shown.layout if device is not None or named is None else named.complete(shown.layout.aspect)
     if grid is not None:
         layout = replace(layout, cols=grid[0], rows=grid[1])
     if aspect is not None:
         layout = replace(layout, aspect=aspect)
-    if named is not None and named.suffix != layout.suffix:
+    keeps_aspect = device is None and aspect is None and (named is None or named.aspect is None)
+    if named is not None and named.complete(layout.aspect).suffix != layout.suffix:
         raise InvalidOption(
             f"the output's name says {named.suffix[1:]} and the options say {layout.suffix[1:]}; change one of them"
         )
     notes: tuple[str, ...] = ()
     if device is None and named is None and grid is None and aspect is None:
         notes = (f"quilt: for the device {DEFAULT}; the option device gives another: {', '.join(DEVICES)}",)
+    elif named is not None and keeps_aspect:
+        notes = (f"quilt: its name has no aspect; views of a mesh get {layout.aspect:.4g}, others keep their own",)
     return Quilt(
         layout,
         shown.tile if layout == shown.layout else _fit_tile(shown, layout),
         shown.cone,
-        keeps_aspect=device is None and named is None and aspect is None,
+        keeps_aspect=keeps_aspect,
         notes=notes,
     )
 
 
-def _find_by_layout(layout: QuiltLayout | None) -> Device:
-    """The first device whose quilts have this layout, else the default one."""
-    found = (device for device in DEVICES.values() if layout is not None and device.layout.suffix == layout.suffix)
-    return next(found, DEVICES[DEFAULT])
+def _find_by_name(named: QuiltName | None) -> Device:
+    """The first device whose quilts have the layout in this name, else the default one."""
+    for device in DEVICES.values():
+        if named is not None and named.complete(device.layout.aspect).suffix == device.layout.suffix:
+            return device
+    return DEVICES[DEFAULT]
 
 
 def _fit_tile(device: Device, layout: QuiltLayout) -> tuple[int, int]:

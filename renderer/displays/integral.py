@@ -75,6 +75,11 @@ class IntegralDisplay:
         """Tangent from the axis to the edge of what a lens shows along x: the panel's angular limit."""
         return self.lens_pitch / (2 * self.gap)
 
+    def fit_views(self, size: tuple[int, int], pixel_aspect: float) -> tuple[float, float]:
+        """Height and width of a pixel of views of `size`, height and width, that just fit into the panel."""
+        height = min(self.size[0] / (size[1] * pixel_aspect), self.size[1] / size[0])
+        return height, height * pixel_aspect
+
     def lens_array(self) -> LensArray:
         """The lenses that fit over the panel, and the directions of the pixels under one, for `framing.frame_scene`."""
         cols, rows = (max(1, int(side / self.lens_pitch + ROUNDING)) for side in self.size)

@@ -110,24 +110,30 @@ def make_quilt(
     return join_views(row, layout), layout, (*reduced, *notes, *padded)
 
 
-def reduce_views(views: Pixels, factor: int) -> Pixels:
-    """The means over `factor x factor` pixels, of `(..., h, w, c)`; rows and columns beyond whole ones are cut off, at
-    all sides alike.
+def reduce_views(views: Pixels, cell: tuple[int, int]) -> Pixels:
+    """The means over cells of `cell` pixels, rows and columns, of `(..., h, w, c)`; rows and columns beyond whole ones
+    are cut off, at all sides alike.
     """
     *grid, height, width, channels = views.shape
-    rows, cols = height // factor, width // factor
-    top, left = (height - rows * factor) // 2, (width - cols * factor) // 2
-    cells = views[..., top : top + rows * factor, left : left + cols * factor, :]
+    high, wide = cell
+    rows, cols = height // high, width // wide
+    top, left = (height - rows * high) // 2, (width - cols * wide) // 2
+    cells = views[..., top : top + rows * high, left : left + cols * wide, :]
     reduced: Pixels = np.empty((*grid, rows, cols, channels), views.dtype)
     for index in np.ndindex(*grid):  # a view at a time: their means are floating-point
-        reduced[index] = np.rint(cells[index].reshape(rows, factor, cols, factor, channels).mean(axis=(1, 3)))
+        reduced[index] = np.rint(cells[index].reshape(rows, high, cols, wide, channels).mean(axis=(1, 3)))
     return reduced
+
+
+def find_reduction(size: tuple[int, int], count: int, most: int) -> int:
+    """The least whole factor that reduces `count` views of `size`, height and width, to at most `most` pixels."""
+    return max(1, math.ceil(math.sqrt(count * size[0] * size[1] / most)))
 
 
 def fit_pixels(views: Pixels, count: int, most: int) -> tuple[Pixels, tuple[str, ...]]:
     """The views, reduced by a whole factor where `count` of their size would exceed `most` pixels; and a note then."""
     height, width = views.shape[-3:-1]
-    factor = math.ceil(math.sqrt(count * height * width / most))
-    if factor <= 1:
+    factor = find_reduction((height, width), count, most)
+    if factor == 1:
         return views, ()
-    return reduce_views(views, factor), (f"views of {width}x{height} pixels are made {factor} times smaller",)
+    return reduce_views(views, (factor, factor)), (f"views of {width}x{height} pixels are made {factor} times smaller",)

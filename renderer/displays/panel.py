@@ -66,6 +66,8 @@ def resample_panel(
     *,
     conversion: Conversion = "spoc",
     disparity: float = 0.0,
+    pixel_aspect: float = 1.0,
+    beyond: NDArray[np.float64] | None = None,
     progress: Progress = ignore_progress,
 ) -> Pixels:
     """The panel's picture `(height, width, 3)` of a light field.
@@ -73,36 +75,41 @@ def resample_panel(
     `views`: `(V, U, h, w, c)`, grey or RGB, of a camera array: v from the top, u from the left. The whole of a view
     fits into the panel, and all views together into the angles that a lens shows. What has `disparity`, in pixels
     from view to view, lies in the plane of the lenses: the reference plane of SPOC. Where lenses show more directions
-    than there are views, views between them are interpolated. Around the views it is black.
+    than there are views, views between them are interpolated. Around the views it is black. `pixel_aspect`: as in
+    `LightField`. `beyond`: `(height,)`, gets the share of each row's subpixels that look in directions beyond those of
+    all views, of which they get the outermost, along axes with several views.
     """
-    reduced = _find_factor(views.shape[2:4], display)
-    views = reduce_views(views, reduced) if reduced > 1 else views
+    reduced_y, reduced_x = _find_factors(views.shape[2:4], display, pixel_aspect)
+    views = reduce_views(views, (reduced_y, reduced_x)) if max(reduced_y, reduced_x) > 1 else views
     size_v, size_u, height, width, channels = views.shape
-    scale = min(display.size[0] / width, display.size[1] / height)  # millimetres in a pixel of a view
-    cut = display.lens_pitch / 2 / scale  # a lens that the border of the views cuts shows the border
+    # Millimetres in a pixel of a view.
+    scale_y, scale_x = display.fit_views((height, width), pixel_aspect * reduced_x / reduced_y)
+    cut = display.lens_pitch / 2  # a lens that the border of the views cuts shows the border
     step = 2 * display.tangent_range / max(size_v, size_u)
     dense = _fill_directions(views, int(np.ceil(display.lens_pitch / display.pixel_pitch - 1e-6)))
     dense_v, dense_u = dense.shape[:2]
     # Of what lies in the reference plane, from one view to the next.
-    drift_v, drift_u = (
-        disparity / reduced * (size - 1) / max(filled - 1, 1) for size, filled in ((size_v, dense_v), (size_u, dense_u))
-    )
+    drift_v = disparity * pixel_aspect / reduced_y * (size_v - 1) / max(dense_v - 1, 1)
+    drift_u = disparity / reduced_x * (size_u - 1) / max(dense_u - 1, 1)
+    reach = np.array([count / 2 + 1e-6 if count > 1 else np.inf for count in (size_u, size_v)])  # views
     panel = np.empty((display.height, display.width, 3), views.dtype)
     channel = np.arange(3) if channels >= 3 else np.zeros(3, np.intp)
 
     def make(row: int) -> None:
         lens, tangent = display.trace_row(row)  # (panel width, 3, 2)
         turn = (tangent if conversion == "spoc" else -tangent) / step
+        if beyond is not None:
+            beyond[row] = (np.abs(turn) > reach).any(axis=-1).mean()
         # A line that rises away from the viewer is one of a camera below, one to the right of a camera at the left.
-        x, y = (width - 1) / 2 + lens[..., 0] / scale, (height - 1) / 2 - lens[..., 1] / scale
+        x, y = (width - 1) / 2 + lens[..., 0] / scale_x, (height - 1) / 2 - lens[..., 1] / scale_y
         total = np.zeros(x.shape)
         for in_v, of_v in weigh_neighbours(_find_index(turn[..., 1], size_v, dense_v), dense_v):
             for in_u, of_u in weigh_neighbours(_find_index(-turn[..., 0], size_u, dense_u), dense_u):
                 for in_y, of_y in weigh_neighbours(y - (in_v - (dense_v - 1) / 2) * drift_v, height):
                     for in_x, of_x in weigh_neighbours(x - (in_u - (dense_u - 1) / 2) * drift_u, width):
                         total += of_v * of_u * of_y * of_x * dense[in_v, in_u, in_y, in_x, channel]
-        is_inside = (np.abs(x - (width - 1) / 2) <= width / 2 + cut) & (
-            np.abs(y - (height - 1) / 2) <= height / 2 + cut
+        is_inside = (np.abs(x - (width - 1) / 2) <= width / 2 + cut / scale_x) & (
+            np.abs(y - (height - 1) / 2) <= height / 2 + cut / scale_y
         )
         panel[row] = np.rint(np.where(is_inside, total, 0))
 
@@ -131,7 +138,7 @@ def _fill_directions(views: Pixels, count: int) -> Pixels:
     return views
 
 
-def _find_factor(size: tuple[int, int], display: IntegralDisplay) -> int:
-    """How many pixels along a side of views of `size` (height, width) share a lens, a whole number, at least 1."""
-    scale = min(display.size[0] / size[1], display.size[1] / size[0])
-    return max(1, min(int(display.lens_pitch / scale + 1e-9), *size))
+def _find_factors(size: tuple[int, int], display: IntegralDisplay, pixel_aspect: float) -> tuple[int, int]:
+    """How many rows and columns of pixels of views of `size` (height, width) share a lens, at least 1."""
+    rows, columns = (int(display.lens_pitch / scale + 1e-9) for scale in display.fit_views(size, pixel_aspect))
+    return max(1, min(rows, size[0])), max(1, min(columns, size[1]))

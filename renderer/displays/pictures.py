@@ -5,13 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, get_args
 
+import numpy as np
+
 from ciir.bit_depth import count_unused_camera_bits, raise_levels
 from ciir.errors import InvalidOption
-from ciir.renderer.displays.depth_budget import describe_light_field, describe_native
+from ciir.renderer.displays.depth_budget import describe_directions, describe_light_field, describe_native
 from ciir.renderer.displays.devices import Quilt, resolve_quilt
 from ciir.renderer.displays.integral import IntegralDisplay, parse_display
 from ciir.renderer.displays.lenticular import Calibration, interlace, parse_calibration
-from ciir.renderer.displays.light_fields import find_row, make_quilt, order_as_cameras, pad_to_aspect, take_row
+from ciir.renderer.displays.light_fields import (
+    find_reduction,
+    find_row,
+    make_quilt,
+    order_as_cameras,
+    pad_to_aspect,
+    take_row,
+)
 from ciir.renderer.displays.panel import Conversion, resample_panel
 from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.displays.quilt import parse_grid, parse_name
@@ -20,7 +29,7 @@ from ciir.renderer.limits import DEFAULT_LIMITS
 
 if TYPE_CHECKING:
     from ciir.renderer.displays.progress import Progress
-    from ciir.renderer.displays.quilt import QuiltLayout
+    from ciir.renderer.displays.quilt import QuiltLayout, QuiltName
     from ciir.renderer.light_field import LightField
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.writers.options import WriterOptions
@@ -61,7 +70,7 @@ def find_target(
     kind: Kind,
     options: WriterOptions,
     *,
-    named: QuiltLayout | None = None,
+    named: QuiltName | None = None,
     max_pixels: int = DEFAULT_LIMITS.pixels,
 ) -> Target:
     """The display that `options` describe. `named`: the layout in a quilt's name, by default that in `options`.
@@ -85,20 +94,32 @@ def find_target(
     return parse_display(options.display.encode(), name="display", max_pixels=max_pixels)
 
 
+def find_size(
+    target: Target, views: tuple[int, int] | None = None, max_pixels: int = DEFAULT_LIMITS.pixels
+) -> tuple[int, int]:
+    """Height and width of the picture for `target`; of a quilt without the borders that views may get.
+
+    `views`: height and width of a light field's; None for a mesh's. `max_pixels`: as in `show_light_field`.
+    """
+    if not isinstance(target, Quilt):
+        return target.height, target.width
+    height, width = views or target.tile
+    factor = find_reduction((height, width), target.layout.count, max_pixels) if views else 1
+    return height // factor * target.layout.rows, width // factor * target.layout.cols
+
+
 def show_light_field(
     light_field: LightField,
     target: Target,
     options: WriterOptions,
     *,
-    own_aspect: float | None = None,
     max_pixels: int = DEFAULT_LIMITS.pixels,
     progress: Progress = ignore_progress,
 ) -> DisplayPicture:
     """The picture of a light field for `target`, with notes.
 
-    `own_aspect`: width / height that its views are shown with, where their pixels are not square. `max_pixels`: most
-    pixels of a quilt, whose views are made smaller where they exceed it. Levels of a camera with fewer than 16 bits are
-    raised (`ciir.bit_depth`), by what no view uses that is shown: displays show the whole range.
+    `max_pixels`: most pixels of a quilt, whose views are made smaller where they exceed it. Levels of a camera with
+    fewer than 16 bits are raised (`ciir.bit_depth`), by what no view uses that is shown: displays show the whole range.
     """
     if not isinstance(target, IntegralDisplay):
         shown = find_row(light_field.views.shape[0], light_field.depth_sense)
@@ -107,7 +128,8 @@ def show_light_field(
     if unused:
         light_field = replace(light_field, views=raise_levels(light_field.views, unused))
     height, width = light_field.views.shape[2:4]
-    own, disparity = own_aspect or width / height, options.disparity
+    pixel_aspect, disparity = light_field.pixel_aspect, options.disparity
+    own = round(width / height * pixel_aspect, 12)  # of a quilt the aspect that was read, to the last digit
     first_notes = *note_raising("display", unused), *((BLACK,) if light_field.is_transparent() else ())
     if isinstance(target, Quilt):
         quilt, layout, notes = make_quilt(
@@ -121,11 +143,22 @@ def show_light_field(
         return DisplayPicture(quilt, (*first_notes, *notes), layout)
     cameras = order_as_cameras(light_field)
     if isinstance(target, IntegralDisplay):
-        panel = resample_panel(cameras, target, conversion=options.conversion, disparity=disparity, progress=progress)
-        return DisplayPicture(panel, (*first_notes, *describe_light_field(cameras, target, disparity)), ppi=target.ppi)
+        beyond = np.zeros(target.height)
+        panel = resample_panel(
+            cameras,
+            target,
+            conversion=options.conversion,
+            disparity=disparity,
+            pixel_aspect=pixel_aspect,
+            beyond=beyond,
+            progress=progress,
+        )
+        notes = describe_light_field(cameras, target, disparity, pixel_aspect)
+        notes += describe_directions(float(beyond.mean()), target)
+        return DisplayPicture(panel, (*first_notes, *notes), ppi=target.ppi)
     count = max(NATIVE_VIEWS, cameras.shape[1])
     row, notes = take_row(cameras, count, disparity=disparity)
-    notes += describe_native(cameras, target, disparity)
+    notes += describe_native(cameras, target, disparity, pixel_aspect)
     row, padded = pad_to_aspect(row, own, target.aspect)
     native = interlace(row, target, progress=progress)
     return DisplayPicture(native, (*first_notes, *notes, *padded), ppi=target.ppi)

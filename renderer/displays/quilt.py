@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 MAX_TILES = 64
 """Most columns, and most rows, of a quilt."""
 MAX_ASPECT = 100.0
-_NAME = re.compile(r"_qs(\d{1,3})x(\d{1,3})a(\d{1,3}(?:\.\d{1,12})?)", re.IGNORECASE)
+_NAME = re.compile(r"_qs(\d{1,3})x(\d{1,3})(?:a(\d{1,3}(?:\.\d{1,12})?)|(?![a-z\d]))", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -62,13 +62,38 @@ class QuiltLayout:
         return json.dumps({**settings, "invertViews": False}, indent=2) + "\n"
 
 
-def parse_name(name: str) -> QuiltLayout | None:
-    """The layout in a file's name, `duck_qs8x6a0.75.png`: columns, rows, aspect; None where there is none.
+@dataclass(frozen=True)
+class QuiltName:
+    """The layout in a quilt's name, with or without an aspect. Raises as `QuiltLayout`."""
+
+    cols: int
+    rows: int
+    aspect: float | None = None
+
+    def __post_init__(self) -> None:
+        self.complete(1.0)
+
+    @property
+    def suffix(self) -> str:
+        """As of `QuiltLayout`, or `_qs8x6` without an aspect."""
+        return f"_qs{self.cols}x{self.rows}" if self.aspect is None else self.complete(self.aspect).suffix
+
+    def complete(self, aspect: float) -> QuiltLayout:
+        """The layout, with `aspect` where the name has none."""
+        return QuiltLayout(self.cols, self.rows, aspect if self.aspect is None else self.aspect)
+
+
+def parse_name(name: str) -> QuiltName | None:
+    """The last layout in a file's name, `duck_qs8x6a0.75.png` or `duck_qs8x6.png`: columns, rows and perhaps aspect;
+    None where there is none.
 
     Raises `InvalidOption` where its numbers are out of range.
     """
-    found = _NAME.search(name)
-    return QuiltLayout(int(found[1]), int(found[2]), float(found[3])) if found else None
+    found = [*_NAME.finditer(name.rpartition("/")[2])]
+    if not found:
+        return None
+    cols, rows, aspect = found[-1].groups()
+    return QuiltName(int(cols), int(rows), float(aspect) if aspect else None)
 
 
 def parse_grid(text: str) -> tuple[int, int]:

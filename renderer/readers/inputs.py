@@ -43,7 +43,7 @@ from ciir.renderer.readers.view_set.view_files import ViewFiles
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from ciir.renderer.displays.quilt import QuiltLayout
+    from ciir.renderer.displays.quilt import QuiltLayout, QuiltName
     from ciir.renderer.light_field import LightField
     from ciir.renderer.placement import Placement
     from ciir.renderer.readers.bundle import Bundle
@@ -71,7 +71,8 @@ def open_input(
 ) -> Scene | LightField | ViewFiles:
     """Reads a mesh as a scene, with the light of `placement`; an elemental image array or views as a light field.
 
-    - A picture that its name, or the JSON beside it, makes a quilt: read as one.
+    - A picture that its name, or the JSON beside it, makes a quilt: read as one; of such a video the frame
+      `layout.frame`.
     - Another picture: an elemental image array of `layout.lenses` or of elemental images of `layout.pixels`; with
       `layout.lens_grid`, or from a Lytro camera, a raw lenslet picture, in a folder or a zip with its frames, pictures
       named white and dark.
@@ -89,9 +90,14 @@ def open_input(
     """
     found = find_main(bundle)
     name = clean_text(bundle.name)
-    if layout.frame and (found is None or found[0].name not in VIDEOS or not layout.selects_frame):
+    if layout.frame and not (
+        found is not None
+        and found[0].name in VIDEOS
+        and (layout.selects_frame or _find_quilt(bundle, found[1], layout) is not None)
+    ):
         raise InvalidOption(
-            f"frame: this is for a video of elemental image arrays (lenses or arrangement eia); leave it out of {name}"
+            "frame: this is for a video of elemental image arrays (lenses or arrangement eia) or of quilts "
+            f"(NAME_qs8x6a0.75.mp4); leave it out of {name}"
         )
     if layout.lens_grid is None and found is not None and found[0] in (LYTRO, LYTRO_RAW):
         layout = replace(layout, lens_grid=Known())
@@ -117,6 +123,8 @@ def open_input(
 def _read_file(bundle: Bundle, format_: Format, key: str, layout: Layout) -> LightField:
     """The light field in a container or a picture."""
     if isinstance(format_, ContainerFormat):
+        if format_.name in VIDEOS and (quilt := _find_quilt(bundle, key, layout)) is not None:
+            return reorient(_read_quilt_frame(bundle, key, format_, quilt, layout.frame), layout)
         light_field = _read_container(bundle, key, format_, layout)
         is_array = format_.name in VIDEOS and light_field.depth_sense == "lenses"
         return settle_order(light_field, layout, corrects=not is_array)
@@ -164,7 +172,7 @@ def _find_eslf(light_field: LightField, layout: Layout) -> LightField:
     """The views that are not empty, with a note, where an elemental image array is ESLF under another name."""
     from ciir.renderer.readers.containers import eslf
 
-    is_open = (layout.arrangement, layout.pickup, light_field.depth_sense) == ("auto", "virtual", "lenses")
+    is_open = (layout.arrangement, light_field.depth_sense) == ("auto", "lenses") and layout.pickup != "optical"
     if not (is_open and eslf.has_empty_corners(light_field.views)):
         return light_field
     found = eslf.select_views(light_field.views)
@@ -278,7 +286,7 @@ def _name_main(bundle: Bundle, key: str) -> str:
     return clean_text(bundle.name if bundle.main is not None else f"{bundle.name}/{key}")
 
 
-def _find_quilt(bundle: Bundle, key: str, layout: Layout) -> QuiltLayout | None:
+def _find_quilt(bundle: Bundle, key: str, layout: Layout) -> QuiltLayout | QuiltName | None:
     """The layout of a quilt; None where the picture is another one. Raises `InvalidOption` for other numbers."""
     given = "lenses" if layout.lenses else "pixels" if layout.pixels else None
     if given is not None and layout.arrangement != "auto":
@@ -341,6 +349,20 @@ def _reported(name: str, format_: Format) -> Iterator[None]:
         raise Unreadable(
             f"{name}: damaged or cut off (while the views of the {format_.name} file were read); send the whole file"
         ) from error
+
+
+def _read_quilt_frame(
+    bundle: Bundle, key: str, format_: ContainerFormat, quilt: QuiltLayout | QuiltName, number: int
+) -> LightField:
+    """The light field in the frame `number` of a video of quilts."""
+    from ciir.renderer.readers.containers import video
+
+    name = _name_main(bundle, key)
+    with _reported(name, format_):
+        frame = video.read_frame(bundle.files[key], number, name=name, limits=bundle.limits)
+    found = quilts.read_pixels(frame, quilt, name=name)
+    note = f"frame {number} of the video is read, a quilt as its name or the JSON beside it says; frame gives another"
+    return replace(found, notes=(note, *found.notes))
 
 
 def _read_container(bundle: Bundle, key: str, format_: ContainerFormat, layout: Layout) -> LightField:

@@ -34,9 +34,10 @@ class Layout:
     """Rows and columns of lenses: the pixels of a view."""
     pixels: tuple[int, int] | None = None
     """Rows and columns of pixels under a lens: the number of views."""
-    pickup: Pickup = "virtual"
+    pickup: Pickup | None = None
+    """None: as the file says, else virtual."""
     frame: int = 0
-    """Of a video, where `selects_frame`: which one."""
+    """Of a video, where `selects_frame` or its name says that it is of quilts: which one."""
     arrangement: Arrangement = "auto"
     crop: tuple[int, int, int, int] = (0, 0, 0, 0)
     """Pixels of margin around an elemental image array or a mosaic: top, left, bottom, right."""
@@ -77,7 +78,7 @@ class Layout:
         if not agrees or (v * rows, u * cols) != size:
             return self
         arrangement = cast("Arrangement", found[1])
-        pickup = cast("Pickup", found[6]) if self.pickup == "virtual" else self.pickup
+        pickup = self.pickup or cast("Pickup", found[6])
         return replace(self, pixels=(v, u), lenses=(rows, cols), arrangement=arrangement, pickup=pickup)
 
 

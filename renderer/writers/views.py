@@ -45,7 +45,8 @@ def save_light_field(light_field: LightField, path: Path, name: str | None, opti
     sense = light_field.depth_sense
     positions = tuple(np.ndindex(rows, columns))
     array = {"rows": height, "cols": width, "pixels_v": rows, "pixels_u": columns, "depth_sense": sense}
-    contents = Contents(positions, (rows, columns), height, width, channels, views.dtype, sense)
+    aspect = light_field.pixel_aspect
+    contents = Contents(positions, (rows, columns), height, width, channels, views.dtype, sense, pixel_aspect=aspect)
     name = name or find_display(path, options) or find_implied(path, options)
     formats: Mapping[str, Format] | None = WHOLE_BY_SUFFIX
     if name is not None:

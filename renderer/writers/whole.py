@@ -72,7 +72,12 @@ class WholeWriter(Writer):
         self._views[view] = pixels
         self._missing -= 1
         if self._missing == 0:
-            light_field = LightField(self._views, is_ordered=True, depth_sense=self._contents.depth_sense)
+            light_field = LightField(
+                self._views,
+                is_ordered=True,
+                depth_sense=self._contents.depth_sense,
+                pixel_aspect=self._contents.pixel_aspect,
+            )
             self._notes = self._encode(light_field)
         return file_name(view)
 

@@ -44,6 +44,8 @@ class Contents:
     which no time passes; empty for a light field."""
     scale: int = 1
     """Pixels for each pixel of the views that were read, along each side."""
+    pixel_aspect: float = 1.0
+    """As `LightField.pixel_aspect`."""
 
     def name_file(self, view: View) -> str:
         """`view_VV_UU.png`, or `frame_NNNN.png` of several times or yaws."""

@@ -43,7 +43,9 @@ def write_picture(args: argparse.Namespace, options: Options, kind: Kind) -> Non
     source = common.open_input(args, options)
     named = parse_name(path.name) if kind == "quilt" else None
     with common.progress_bar("row" if kind != "quilt" else "view") as progress:
-        picture, report = make_picture(source, options, kind, named=named, progress=progress)
+        picture, report = make_picture(
+            source, options, kind, named=named, suffix=path.suffix.lower(), progress=progress
+        )
     data = encode(picture.pixels, path.suffix.lower(), ppi=picture.ppi)
     layout = picture.layout
     if layout is not None:

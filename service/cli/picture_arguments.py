@@ -16,6 +16,7 @@ from ciir.service.pipeline.options import (
     LENSLET,
     MESH,
     MODELS,
+    ONE_POSE,
     OPTIONS,
     READING,
     UPSCALING,
@@ -23,7 +24,7 @@ from ciir.service.pipeline.options import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from ciir.service.pipeline.options import KindName
 
@@ -41,8 +42,13 @@ _GROUPS = {
 """Headings in the help -> options."""
 
 
-def add_options(parser: argparse.ArgumentParser, names: Sequence[str], kind: KindName = "reconstruction") -> None:
-    """Adds options of `service.pipeline.options`, with the help that they have for that kind of job."""
+def add_options(
+    parser: argparse.ArgumentParser,
+    names: Sequence[str],
+    kind: KindName = "reconstruction",
+    texts: Mapping[str, str] | None = None,
+) -> None:
+    """Adds options of `service.pipeline.options`, with the help in `texts`, or that they have for that kind of job."""
     headings = {name: heading for heading, group in _GROUPS.items() for name in group}
     if kind == "plane":
         headings["disparity"] = "planes and disparity"
@@ -57,7 +63,7 @@ def add_options(parser: argparse.ArgumentParser, names: Sequence[str], kind: Kin
             groups[heading] = parser.add_argument_group(heading)
         groups[heading].add_argument(
             f"--{name.replace('_', '-')}",
-            help=KINDS[kind].help.get(name, option.help).removeprefix(f"{option.flag}: "),
+            help=(texts or KINDS[kind].help).get(name, option.help).removeprefix(f"{option.flag}: "),
             default=argparse.SUPPRESS,
             dest=f"option_{name}",
             **words,
@@ -143,7 +149,7 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         metavar="FORMAT",
         help=f"one of {', '.join([FOLDER, *WHOLE])} (default: what the name of OUT asks for)",
     )
-    add_options(command, CONVERSION)
+    add_options(command, CONVERSION, texts=ONE_POSE)
     _add_raw_files(command)
     command.add_argument("--report", metavar="FILE", help=report)
 

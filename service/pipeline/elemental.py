@@ -41,7 +41,7 @@ def render_eia(
     check_eia(array)
     with clock.stage("decode"):
         scene = given.read_mesh(options)
-    job = resolve_job(given.name, scene, replace(options, pickup="virtual"), max_views=given.limits.views)
+    job = resolve_job(given.name, scene, replace(options, pickup=None), max_views=given.limits.views)
     points = array.rows * array.cols * job.samples**2
     check_samples(points, array.pixels_v * array.pixels_u, max_pixels, "upscale")
     views = MeshViews(scene, job, Plan("upscale", NO_MODEL, 1, job.samples), clock)
@@ -62,7 +62,7 @@ def render_eia(
             "backend": described["backend"],
             "sampling": job.sampling,
             "samples": job.samples,
-            "pickup": options.pickup,
+            "pickup": options.pickup or "virtual",
             "reasons": described["reasons"],
         },
         "notes": described["notes"],
@@ -77,4 +77,4 @@ def encode_eia(pixels: Pixels, options: Options, suffix: str = ".png") -> bytes:
     """
     array = resolve_array(options)
     shape = (array.pixels_v, array.pixels_u, array.rows, array.cols)
-    return encode(pixels, suffix, {TEXT: write_text("eia", shape, options.pickup)})
+    return encode(pixels, suffix, {TEXT: write_text("eia", shape, options.pickup or "virtual")})

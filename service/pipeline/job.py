@@ -97,6 +97,11 @@ class Job:
         """How views move with depth; those of a mesh are a lens array's."""
         return "lenses" if isinstance(self.content, Scene) else self.content.depth_sense
 
+    @property
+    def pixel_aspect(self) -> float:
+        """As `LightField.pixel_aspect`."""
+        return self.content.pixel_aspect if isinstance(self.content, LightField) else 1.0
+
     @cached_property
     def is_transparent(self) -> bool:
         """Whether some pixel of some view that may be used is not opaque. A mesh's views are opaque."""
@@ -196,7 +201,7 @@ def check_kind(name: str, content: Content, options: Options, *, is_upscaled: bo
     upscaled too.
     """
     if isinstance(content, Scene):
-        if options.pickup != "virtual":
+        if options.pickup == "optical":
             raise InvalidOption(f"pickup: optical is for elemental image arrays and {name} is a mesh; leave it out")
         for option in ("frame", "arrangement", "crop", "order", "flip", "transpose", "depth_sense"):
             if getattr(options, option) != getattr(Options, option):

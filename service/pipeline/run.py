@@ -276,4 +276,5 @@ def _describe_contents(job: Job, plan: Plan, sample: Pixels) -> Contents:
         dtype=sample.dtype,
         depth_sense=job.depth_sense,
         scale=plan.scale,
+        pixel_aspect=job.pixel_aspect,
     )

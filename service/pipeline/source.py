@@ -180,7 +180,7 @@ class Input:
                 f"lenses: {given} doesn't fit {self.name}, whose views have {size[0]}x{size[1]} pixels; leave it out"
             )
         for option in ("pickup", "arrangement", "crop"):
-            if getattr(options, option) != getattr(Options, option):
+            if getattr(options, option) not in (getattr(Options, option), "virtual"):  # views are upright, too
                 raise InvalidOption(
                     f"{option}: this is for elemental image arrays and {self.name} holds views; leave it out"
                 )

@@ -185,6 +185,21 @@ def test_slices_take_a_part_and_keep_the_rest():
 
 
 @pytest.mark.parametrize(
+    ("slices", "aspect"), [(np.s_[1:, ::2, 1:, 2:], 1.5), (np.s_[:, :, ::2], 0.75), (np.s_[:, :, ::2, ::4], 3.0)]
+)
+def test_pixels_that_slices_leave_out_change_the_pixel_aspect(slices, aspect):
+    field = LightField(np.zeros((2, 2, 8, 8, 1), np.uint8), pixel_aspect=1.5)
+    assert field[slices].pixel_aspect == aspect
+    assert field.flip("u").transpose().with_depth_sense("cameras").pixel_aspect == 1.5
+
+
+@pytest.mark.parametrize("aspect", [0, -1, float("nan"), float("inf")])
+def test_pixel_aspects_out_of_range_are_refused(aspect):
+    with pytest.raises(InvalidOption, match=r"pixel_aspect: .* is out of range; give a pixel's width / height"):
+        LightField(np.zeros((2, 2, 8, 8, 1), np.uint8), pixel_aspect=aspect)
+
+
+@pytest.mark.parametrize(
     "wrong", [0, (0, 0), (), np.s_[::-1], np.s_[::0], np.s_[::1.5], np.s_["a":], np.s_[:, :, :, :, :1], None, "v"]
 )
 def test_what_is_no_part(wrong):

@@ -36,8 +36,10 @@ def test_open_reads_an_elemental_image_array(tmp_path):
 
 @pytest.mark.parametrize("model", ["fast", "bicubic"])
 def test_upscaled_views_are_those_of_the_command(tmp_path, model):
-    light_field = ciir.LightField(np.stack([make_picture(6, 9, seed=seed) for seed in range(6)]).reshape(2, 3, 6, 9, 3))
+    views = np.stack([make_picture(6, 9, seed=seed) for seed in range(6)]).reshape(2, 3, 6, 9, 3)
+    light_field = ciir.LightField(views, pixel_aspect=1.5)
     large = ciir.upscale(light_field, model=model)
+    assert large.pixel_aspect == 1.5
     light_field.save(tmp_path / "eia.png")
     result = ciir.reconstruct(tmp_path / "eia.png", pixels=(2, 3), views="all", model=model)
     assert large.views.shape == (2, 3, 12, 18, 3)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ciir.errors import Unreadable
-from ciir.renderer.displays.quilt import parse_json, parse_name, split_quilt
+from ciir.renderer.displays.quilt import QuiltName, parse_json, parse_name, split_quilt
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures
 from ciir.renderer.readers.metadata.colour_profiles import note_profile
@@ -15,12 +15,13 @@ from ciir.renderer.readers.names import clean_text
 if TYPE_CHECKING:
     from ciir.renderer.displays.quilt import QuiltLayout
     from ciir.renderer.readers.bundle import Bundle
+    from ciir.renderer.readers.pictures import Pixels
 
 
-def find_layout(bundle: Bundle, key: str) -> QuiltLayout | None:
+def find_layout(bundle: Bundle, key: str) -> QuiltLayout | QuiltName | None:
     """The layout of the picture `key`, from its name or the file `key.json` beside it; None where it is no quilt.
 
-    A name doesn't say that views are inverted: JSON of as many columns and rows does.
+    A name doesn't say that views are inverted, and may have no aspect: JSON of as many columns and rows has both.
 
     Raises `InvalidOption` where a number is out of range.
     """
@@ -33,26 +34,45 @@ def find_layout(bundle: Bundle, key: str) -> QuiltLayout | None:
         return named
     if named is None:
         return beside
-    is_same = (named.cols, named.rows) == (beside.cols, beside.rows)
-    return replace(named, is_inverted=is_same and beside.is_inverted)
+    if (named.cols, named.rows) != (beside.cols, beside.rows):
+        return named
+    return replace(named.complete(beside.aspect), is_inverted=beside.is_inverted)
 
 
-def read(bundle: Bundle, key: str, layout: QuiltLayout) -> LightField:
-    """The quilt's views, `(1, columns * rows, h, w, c)`, from the leftmost camera on. A note names a colour profile
-    that is not sRGB.
+def read(bundle: Bundle, key: str, layout: QuiltLayout | QuiltName) -> LightField:
+    """The views of the picture `key`, as `read_pixels`. A note names a colour profile that is not sRGB.
 
-    Raises `InvalidOption` where the picture is smaller than its layout, and what decoding it raises.
+    Raises as `read_pixels`, and what decoding it raises.
     """
     name = clean_text(bundle.name)
     quilt = pictures.decode(bundle.files[key], name=name, max_pixels=bundle.limits.pixels)
+    found = read_pixels(quilt, layout, name=name)
+    return replace(found, notes=(*found.notes, *note_profile(bundle.files[key], name)))
+
+
+def read_pixels(quilt: Pixels, layout: QuiltLayout | QuiltName, *, name: str) -> LightField:
+    """The quilt's views, `(1, columns * rows, h, w, c)`, from the leftmost camera on. Without an aspect pixels are
+    taken as square, with a note.
+
+    Raises `InvalidOption` where the picture is smaller than its layout.
+    """
+    is_square = layout.aspect is None
+    layout = layout.complete(1.0) if isinstance(layout, QuiltName) else layout
     views = split_quilt(quilt, layout, name=name)
     notes = [f"read as a quilt of {layout.cols} columns and {layout.rows} rows of views"]
     if layout.is_inverted:
         notes.append("its JSON says invertViews: the views are put from left to right")
     height, width = views.shape[1:3]
-    if abs(width / height / layout.aspect - 1) > 1 / min(width, height):
+    if is_square:
+        notes.append("the name has no aspect: pixels are taken as square")
+    elif abs(width / height / layout.aspect - 1) > 1 / min(width, height):
         notes.append(
             f"views of {width}x{height} pixels are shown with the aspect {layout.aspect:.4g}: pixels are not square"
         )
-    notes += note_profile(bundle.files[key], name)
-    return LightField(views[None], notes=tuple(notes), is_ordered=True, depth_sense="cameras")
+    return LightField(
+        views[None],
+        notes=tuple(notes),
+        is_ordered=True,
+        depth_sense="cameras",
+        pixel_aspect=1.0 if is_square else layout.aspect * height / width,
+    )

@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import math
 from contextlib import contextmanager
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import av
@@ -47,7 +48,8 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     """Frame `layout.frame` as an elemental image array, or all frames as views (`Layout.selects_frame`)."""
     with _open(data, name, limits) as (file, stream):
         if layout.selects_frame:
-            return _read_eia(map(_convert, file.decode(stream)), name, layout)
+            pixels = _take_frame(file.decode(stream), layout.frame, name)
+            return eia.read_pixels(pixels, name=f"{name}, frame {layout.frame}", layout=layout)
         frames = sum(1 for _ in _list_packets(file, stream))
     rows, columns = layout.pixels or (1, frames)
     if rows * columns != frames:
@@ -60,6 +62,12 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
         views = _read_views(map(_convert, file.decode(stream)), layout.sequence or (rows, columns), name, limits)
     notes = (MOVES_RIGHT,) if layout.pixels else (MOVES_RIGHT, ONE_ROW)
     return LightField(views, (*notes, *_note_arrays(views[0, 0])), depth_sense="cameras")
+
+
+def read_frame(data: bytes, number: int, *, name: str, limits: Limits) -> Pixels:
+    """The frame `number`, from 0, RGB `(H, W, 3)`. Raises `InvalidOption` where there is none, and as `list_times`."""
+    with _open(data, name, limits) as (file, stream):
+        return _take_frame(file.decode(stream), number, name)
 
 
 def list_times(data: bytes, name: str, limits: Limits) -> tuple[tuple[int, int], list[float]]:
@@ -149,11 +157,11 @@ def _read_views(frames: Iterator[NDArray[Any]], grid: tuple[int, int], name: str
     return views.reshape(*grid, *first.shape)
 
 
-def _read_eia(frames: Iterator[NDArray[Any]], name: str, layout: Layout) -> LightField:
-    for number, frame in enumerate(frames):
-        if number == layout.frame:
-            return eia.read_pixels(np.ascontiguousarray(frame), name=f"{name}, frame {number}", layout=layout)
-    raise InvalidOption(f"frame: {name} has no frame {layout.frame}; they are counted from 0")
+def _take_frame(frames: Iterator[VideoFrame], number: int, name: str) -> Pixels:
+    frame = next(islice(frames, number, None), None)
+    if frame is None:
+        raise InvalidOption(f"frame: {name} has no frame {number}; they are counted from 0")
+    return np.ascontiguousarray(_convert(frame))
 
 
 def _note_arrays(frame: Pixels) -> tuple[str, ...]:

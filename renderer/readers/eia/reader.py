@@ -19,7 +19,7 @@ from ciir.renderer.readers.eia.advice import (
     note_raw,
 )
 from ciir.renderer.readers.eia.period import Periods
-from ciir.renderer.readers.layout import TEXT
+from ciir.renderer.readers.layout import TEXT, Layout
 from ciir.renderer.readers.metadata.colour_profiles import note_profile
 from ciir.renderer.readers.picture_sizes import find_format, read_size
 
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ciir.renderer.limits import Limits
-    from ciir.renderer.readers.layout import Layout
     from ciir.renderer.readers.pictures import Pixels
 
     Pair = tuple[int, int]
@@ -37,7 +36,8 @@ if TYPE_CHECKING:
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
     """As `read_pixels`, of the picture in `data`; raises as `pictures.decode`, too.
 
-    Of a PNG that we wrote, whose text says how its views lie in it, `layout` may leave that open.
+    Of a PNG that we wrote, whose text says how its views lie in it, `layout` may leave that open. A note says where
+    another pickup is given.
 
     The rounding of an elemental image array that is a JPEG is undone in part (`jpeg_rounding`), with a note, where
     `layout.restores_jpeg`. Another note names a colour profile that is not sRGB.
@@ -48,6 +48,9 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     is_jpeg = entry is not None and entry.name == "JPEG"
     found = read_pixels(picture, name=name, layout=layout, jpeg=data if is_jpeg else b"")
     notes = (*note_profile(data, name), *((ROUNDED,) * pictures.is_rounded(data)))
+    own = complete_layout(Layout(), data)
+    if own.arrangement == "eia" and layout.pickup not in (None, own.pickup):
+        notes = (*notes, f"pickup: the file's own text says {own.pickup}; it is read as {layout.pickup}, as was given")
     return replace(found, notes=(*found.notes, *notes))
 
 
@@ -86,14 +89,15 @@ def read_pixels(picture: Pixels, *, name: str, layout: Layout, jpeg: bytes = b""
     is_open = layout.arrangement == "auto"
     note = note_exchanged(periods, (rows, cols), grid) if is_open else ""
     seen = periods.find_arrangement(grid) if is_open and not note else None
-    if layout.arrangement == "mosaic" or (seen == "mosaic" and layout.pickup == "virtual"):
+    if layout.arrangement == "mosaic" or (seen == "mosaic" and layout.pickup != "optical"):
         return _read_mosaic(picture, grid, periods, is_sure=not is_open)
     if is_open:
         note = note or note_raw(picture, grid) or note_period(periods, grid, fits=seen is not None)
     notes: tuple[str, ...] = (note,) if note else ()
     if jpeg and layout.restores_jpeg and not note:
         picture, notes = _restore(jpeg, picture, grid)
-    return replace(LightField.from_eia(picture, rows=rows, cols=cols, pickup=layout.pickup), notes=notes)
+    light_field = LightField.from_eia(picture, rows=rows, cols=cols, pickup=layout.pickup or "virtual")
+    return replace(light_field, notes=notes)
 
 
 def _restore(data: bytes, picture: Pixels, lens: Pair) -> tuple[Pixels, tuple[str, ...]]:

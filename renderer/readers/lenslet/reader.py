@@ -83,7 +83,7 @@ def read(bundle: Bundle, key: str, layout: Layout, known: Known) -> LightField:
             "give fewer pixels",
             "set_bytes",
         )
-    views = resample_views(raw.picture, grid, pixels[::-1] if in_columns else pixels, pickup=layout.pickup)
+    views = resample_views(raw.picture, grid, pixels[::-1] if in_columns else pixels, pickup=layout.pickup or "virtual")
     if in_columns:
         views = views.transpose(1, 0, 3, 2, 4)
     notes = [_describe_grid(raw.calibration)]

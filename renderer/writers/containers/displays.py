@@ -6,9 +6,9 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from ciir.renderer.displays.integral import IntegralDisplay
-from ciir.renderer.displays.pictures import find_target, show_light_field
+from ciir.renderer.displays.pictures import find_size, find_target, show_light_field
 from ciir.renderer.displays.quilt import parse_name
-from ciir.renderer.writers.pictures import SUFFIXES, encode
+from ciir.renderer.writers.pictures import BY_SUFFIX, SUFFIXES, encode
 from ciir.renderer.writers.whole import WholeWriter
 
 if TYPE_CHECKING:
@@ -25,7 +25,9 @@ class QuiltWriter(WholeWriter):
     def check(self, contents: Contents) -> None:
         """Refuses a display that is not described, and pixels that the picture format can't hold."""
         self._target = find_target(self.name, self.options)
-        encode(contents.sample, self.options.suffix or SUFFIXES[0])
+        suffix = self.options.suffix or SUFFIXES[0]
+        BY_SUFFIX[suffix].check(find_size(self._target, (contents.height, contents.width)), contents.dtype)
+        encode(contents.sample, suffix)
 
     def encode(self, light_field: LightField) -> list[str]:
         """Writes the picture. A note says what to name a quilt."""

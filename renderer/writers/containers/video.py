@@ -14,9 +14,11 @@ import numpy as np
 
 from ciir.bit_depth import count_unused_camera_bits
 from ciir.errors import InvalidOption
+from ciir.renderer.displays.quilt import parse_name
 from ciir.renderer.levels import note_rounding
 from ciir.renderer.writers.containers.camera_paths import draw_frames, list_positions, to_rgb8
 from ciir.renderer.writers.options import WriterOptions
+from ciir.renderer.writers.pictures import SUFFIXES
 from ciir.renderer.writers.whole import WholeWriter
 
 if TYPE_CHECKING:
@@ -47,7 +49,12 @@ class PathWriter(WholeWriter):
     holds_times = True
 
     def check(self, contents: Contents) -> None:
-        """Refuses views that are too large for a frame, and a path where each picture is a frame."""
+        """Refuses views that are too large for a frame, a path where each picture is a frame, and a quilt's name."""
+        if (layout := parse_name(self.options.name)) is not None:
+            raise InvalidOption(
+                f"{self.options.name}: {layout.suffix} names a quilt, and {self.name} holds no quilts; end the name "
+                f"with {', '.join(SUFFIXES)} for a quilt, or leave {layout.suffix} out for a video"
+            )
         if contents.times and (self.options.path, self.options.frames) != (WriterOptions.path, WriterOptions.frames):
             raise InvalidOption("path, frames: of several times or yaws each is a frame; leave them out")
         list_positions(self.options.path, 1, contents.grid)

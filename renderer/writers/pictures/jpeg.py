@@ -33,8 +33,8 @@ def encode(pixels: Pixels, quality: int = 95) -> bytes:
         )
     if max(pixels.shape[:2]) > MAX_SIDE:
         raise InvalidOption(
-            f"picture: JPEG holds at most {MAX_SIDE} pixels along a side, not {pixels.shape[0]}x{pixels.shape[1]}; "
-            "name the file .png or .tif"
+            f"picture: JPEG holds at most {MAX_SIDE} pixels along a side, not {pixels.shape[1]}x{pixels.shape[0]} "
+            "(width x height); name the file .png or .tif"
         )
     file = io.BytesIO()
     Image.fromarray(pixels).save(file, "JPEG", quality=quality, subsampling=0)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -41,6 +41,15 @@ class PictureFormat:
         if ppi is not None and self.name in ("png", "tiff"):
             extra["ppi"] = ppi
         return cast("bytes", encoder(np.ascontiguousarray(squeezed), **extra))
+
+    def check(self, size: tuple[int, int], dtype: np.dtype[Any]) -> None:
+        """Raises `InvalidOption` where WebP can't hold pixels of that type, `size` of them, height and width; other
+        formats raise in `encode`.
+        """
+        if self.name == "webp":
+            from ciir.renderer.writers.pictures import webp
+
+            webp.check(size, dtype)
 
 
 FORMATS = (

@@ -6,6 +6,8 @@ import math
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ciir.errors import InvalidOption
 from ciir.renderer.displays.depth_budget import measure_integral, measure_lenticular, measure_quilt
 from ciir.renderer.displays.devices import Quilt
@@ -13,19 +15,16 @@ from ciir.renderer.displays.integral import IntegralDisplay
 from ciir.renderer.displays.lenticular import Calibration
 from ciir.renderer.displays.light_fields import find_row
 from ciir.renderer.displays.panel import render_panel
-from ciir.renderer.displays.pictures import USES, DisplayPicture, find_kind, find_target, show_light_field
+from ciir.renderer.displays.pictures import USES, DisplayPicture, find_kind, find_size, find_target, show_light_field
 from ciir.renderer.displays.progress import Progress, ignore_progress
 from ciir.renderer.displays.quilt import join_views
 from ciir.renderer.displays.rays import RayCaster
 from ciir.renderer.displays.screen import Screen
 from ciir.renderer.framing import frame_scene
-from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.readers.containers.quilts import find_layout
-from ciir.renderer.readers.inputs import find_main
-from ciir.renderer.readers.registry import PictureFormat
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.scene import Scene
 from ciir.renderer.writers.formats import check_options
+from ciir.renderer.writers.pictures import BY_SUFFIX
 from ciir.service.pipeline.displays.rays import check_rays, count_rays, find_samples
 from ciir.service.pipeline.job import check_kind
 from ciir.service.pipeline.options import KINDS
@@ -36,7 +35,7 @@ from ciir.service.pipeline.stages.object_check import ObjectCheck
 
 if TYPE_CHECKING:
     from ciir.renderer.displays.pictures import Kind, Target
-    from ciir.renderer.displays.quilt import QuiltLayout
+    from ciir.renderer.displays.quilt import QuiltLayout, QuiltName
     from ciir.renderer.lens_array import LensArray
     from ciir.renderer.light_field import LightField
     from ciir.renderer.readers.pictures import Pixels
@@ -49,7 +48,8 @@ def make_picture(
     options: Options,
     kind: Kind | None = None,
     *,
-    named: QuiltLayout | None = None,
+    named: QuiltName | None = None,
+    suffix: str = ".png",
     max_pixels: int | None = None,
     progress: Progress = ignore_progress,
     clock: Clock | None = None,
@@ -57,7 +57,8 @@ def make_picture(
     """The picture for the display that `options` describe, and the report.
 
     A mesh is cast ray by ray; without `place` it stands astride the display's plane, with `fit` none at its own place.
-    `kind`: by default the one that the options are for. `named`: the layout in a quilt's name. `max_pixels`: most
+    `kind`: by default the one that the options are for. `named`: the layout in a quilt's name. `suffix`: of the
+    picture's file, whose format must hold it. `max_pixels`: most
     pixels of the picture, and most rays.
 
     Raises `InputError`.
@@ -73,6 +74,10 @@ def make_picture(
         opened = given.open(options, views="all")
         content = _load_views(opened, target) if isinstance(opened, ViewFiles) else opened
     _check_options(given.name, content, options, target)
+    if isinstance(content, Scene):
+        BY_SUFFIX[suffix].check(find_size(target), np.dtype(np.uint8))
+    else:
+        BY_SUFFIX[suffix].check(find_size(target, content.views.shape[2:4], most), content.views.dtype)
     matrix = None
     with clock.stage("render" if isinstance(content, Scene) else "map"):
         if isinstance(content, Scene):
@@ -82,10 +87,7 @@ def make_picture(
             matrix = frame_scene(content, _find_array(target), options.placement)
             picture = _render(content.transform(matrix), options, target, progress)
         else:
-            own_aspect = _find_aspect(source, content)
-            picture = show_light_field(
-                content, target, written, own_aspect=own_aspect, max_pixels=most, progress=progress
-            )
+            picture = show_light_field(content, target, written, max_pixels=most, progress=progress)
     report: Report = {
         "input": given.describe(opened),
         "display": _describe(
@@ -153,16 +155,6 @@ def _render(scene: Scene, options: Options, target: Target, progress: Progress) 
         budget = measure_quilt(scene, screen, layout.count, target.tile[1])
     ppi = None if isinstance(target, Quilt) else target.ppi
     return DisplayPicture(pixels, (*budget.notes(options.zoom), *caster.notes(), *check.list_notes()), layout, ppi)
-
-
-def _find_aspect(source: Source, light_field: LightField) -> float:
-    """Width / height that the views are shown with. Only quilts have pixels that are not square."""
-    layout = None
-    if isinstance(source, Bundle) and (found := find_main(source)) is not None:
-        layout = find_layout(source, found[1]) if isinstance(found[0], PictureFormat) else None
-    height, width = light_field.views.shape[2:4]
-    is_quilt = layout is not None and light_field.views.shape[:2] == (1, layout.count)
-    return layout.aspect if layout is not None and is_quilt else width / height
 
 
 def _describe(kind: Kind, target: Target) -> Report:

@@ -2,7 +2,15 @@
 
 from ciir.service.pipeline.options.displays import DISPLAYS
 from ciir.service.pipeline.options.focus import FOCUS
-from ciir.service.pipeline.options.kinds import FILE_TYPES, KINDS, MODELS, Kind, KindName, find_plane_format
+from ciir.service.pipeline.options.kinds import (
+    FILE_TYPES,
+    KINDS,
+    MODELS,
+    ONE_POSE,
+    Kind,
+    KindName,
+    find_plane_format,
+)
 from ciir.service.pipeline.options.lenslet import LENSLET
 from ciir.service.pipeline.options.mesh import MESH, Backend, Moment, Sampling
 from ciir.service.pipeline.options.options import NAMES, OPTIONS, RECONSTRUCTION, Options, write_texts
@@ -24,6 +32,7 @@ __all__ = [
     "MODELS",
     "NAMES",
     "NO_MODEL",
+    "ONE_POSE",
     "OPTIONS",
     "READING",
     "RECONSTRUCTION",

@@ -17,7 +17,7 @@ from ciir.service.pipeline.options.displays import DISPLAYS
 from ciir.service.pipeline.options.focus import FOCUS
 from ciir.service.pipeline.options.lenslet import LENSLET
 from ciir.service.pipeline.options.mesh import MESH
-from ciir.service.pipeline.options.options import RECONSTRUCTION, Options, describe
+from ciir.service.pipeline.options.options import OPTIONS, RECONSTRUCTION, Options, describe
 from ciir.service.pipeline.options.reading import READING
 from ciir.service.pipeline.options.upscaling import AUTO, NO_MODEL
 
@@ -33,6 +33,9 @@ _INPUT = tuple(name for name in (*READING, *LENSLET, *MESH) if name != "neighbou
 _ANY_SIZE = 2**62
 """Pixels: the size of a display is checked where the limits are known."""
 _MODEL = "a model that upscales the views first: a name that `ciir models` lists, or auto; or none (default none)"
+
+ONE_POSE = {name: OPTIONS[name].help.partition("; several")[0] for name in ("rotate", "time")}
+"""Help of options where several of their values make no video."""
 
 
 class FileType(NamedTuple):
@@ -191,6 +194,7 @@ KINDS: dict[KindName, Kind] = {
             _PICTURES,
             "png",
             {
+                **ONE_POSE,
                 "lenses": "rows x columns of lenses (default 100x100)",
                 "pixels": "rows x columns of pixels under each lens (default 15x15)",
                 "pitch": "distance between lenses in scene units (default 1)",
@@ -205,7 +209,7 @@ KINDS: dict[KindName, Kind] = {
             (*DISPLAYS, *_INPUT),
             tuple(USES),
             "panel with a display, lenticular with a calibration, else quilt",
-            {"place": "where a mesh lies: -1 behind the display, 0 astride, 1 before it (default 0)"},
+            {**ONE_POSE, "place": "where a mesh lies: -1 behind the display, 0 astride, 1 before it (default 0)"},
             format_check=_check_display,
         ),
         Kind(
@@ -221,6 +225,7 @@ KINDS: dict[KindName, Kind] = {
             tuple(dict.fromkeys((*PLANE, *STACK))),
             "png for one plane, else zip",
             {
+                **ONE_POSE,
                 "model": _MODEL,
                 "disparity": "the plane of what moves by so many pixels from view to view, in pixels of the views that "
                 "are read; as in `ciir depth` larger is nearer, and 0 the lens array's plane or, for parallel cameras, "
@@ -237,7 +242,7 @@ KINDS: dict[KindName, Kind] = {
             ("view", "limits", "model", "scale", *_INPUT),
             (*maps.FORMATS, *MODELS, "zip"),
             "pfm",
-            {"model": _MODEL},
+            {**ONE_POSE, "model": _MODEL},
             {"model": NO_MODEL},
             (Options.check_limits,),
         ),

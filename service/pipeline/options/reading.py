@@ -40,12 +40,16 @@ READING = {
     ),
     "pickup": Option(
         "NAME",
-        "virtual: elemental images are upright; optical: turned by 180 degrees (default virtual)",
+        "virtual: elemental images are upright; optical: turned by 180 degrees (default: what a PNG that ciir wrote "
+        "says, else virtual)",
         make_name(get_args(Pickup)),
         "optical",
     ),
     "frame": Option(
-        "N", "the frame to read of a video of EIAs (with --lenses), from 0 (default 0)", make_integer(0, 999_999), "0"
+        "N",
+        "the frame to read of a video of EIAs (with --lenses) or of quilts, from 0 (default 0)",
+        make_integer(0, 999_999),
+        "0",
     ),
     "arrangement": Option(
         "NAME",
@@ -96,7 +100,7 @@ class ReadingOptions:
     delta: float | None = None
     parallax: float | None = None
     """Degrees."""
-    pickup: Pickup = "virtual"
+    pickup: Pickup | None = None
     frame: int = 0
     arrangement: Arrangement = "auto"
     crop: tuple[int, int, int, int] = (0, 0, 0, 0)

@@ -62,7 +62,7 @@ class ValueType:
     def check(self, name: str, value: Any) -> None:
         """Raises `InvalidOption` for a value that is not among those, or not in the range, that `schema` names."""
         allowed = self.schema.get("enum")
-        if allowed is not None and value not in allowed:
+        if allowed is not None and value is not None and value not in allowed:
             raise InvalidOption(f"{name}: {value[:40]!r} is not known; give {' or '.join(allowed)}")
         least, most = self.schema.get("minimum"), self.schema.get("maximum")
         if least is not None and value is not None and not (math.isfinite(value) and least <= value <= most):

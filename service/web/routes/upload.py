@@ -16,7 +16,7 @@ from starlette.datastructures import UploadFile
 from ciir.errors import InvalidOption, UnsupportedType
 from ciir.renderer.displays.quilt import parse_name
 from ciir.renderer.readers.names import clean_text, is_eslf
-from ciir.renderer.readers.registry import is_picture
+from ciir.renderer.readers.registry import is_container, is_picture
 from ciir.renderer.scenes import SCENES
 from ciir.renderer.writers.options import MOST_TEXT, TEXT_FILES, decode_text
 from ciir.service.jobs.job import Request
@@ -134,14 +134,14 @@ def _find_input(upload: UploadFile | None, scene: str | None, kind: Kind) -> _In
 
 
 def _make_name(given: str, kind: Kind) -> str:
-    """`upload` and what of the given name is used: the suffix, and in the name of a picture of a light field what makes
-    readers take it for a quilt or for ESLF. Raises `InvalidOption` where the layout of a quilt is out of range.
+    """`upload` and what of the given name is used: the suffix, and of a light field what makes readers take it for a
+    quilt or for ESLF. Raises `InvalidOption` where the layout of a quilt is out of range.
     """
     path = PurePosixPath(given.replace("\\", "/"))
     suffix = path.suffix.lower()
     if re.fullmatch(r"\.[a-z0-9]{1,8}", suffix) is None:
         return "upload"
-    if not (is_picture(path.name) and kind.takes_light_fields):
+    if not ((is_picture(path.name) or is_container(path.name)) and kind.takes_light_fields):
         return f"upload{suffix}"
     layout = parse_name(path.name)
     eslf = "_eslf" if suffix == ".png" and is_eslf(path.name) else ""

@@ -2,9 +2,10 @@ import pytest
 
 from ciir.errors import InvalidOption
 from ciir.renderer.displays.devices import DEVICES, resolve_quilt
-from ciir.renderer.displays.quilt import QuiltLayout
+from ciir.renderer.displays.quilt import QuiltLayout, QuiltName
 
 PORTRAIT, GO = DEVICES["portrait"], DEVICES["go"]
+GO_NAME = QuiltName(11, 6, 0.5625)
 
 
 def test_without_anything_it_is_the_default_devices_with_a_note():
@@ -14,7 +15,7 @@ def test_without_anything_it_is_the_default_devices_with_a_note():
 
 
 @pytest.mark.parametrize(
-    "given", [{"device": "go"}, {"device": "Go"}, {"named": GO.layout}, {"device": "go", "named": GO.layout}]
+    "given", [{"device": "go"}, {"device": "Go"}, {"named": GO_NAME}, {"device": "go", "named": GO_NAME}]
 )
 def test_a_device_or_a_name_gives_layout_size_and_cone(given):
     found = resolve_quilt(**given)
@@ -36,6 +37,21 @@ def test_a_light_field_keeps_its_aspect_where_only_columns_and_rows_are_given():
     assert not resolve_quilt(aspect=1.0).keeps_aspect
 
 
+@pytest.mark.parametrize(("cols", "rows", "aspect", "tile"), [(11, 6, 9 / 16, GO.tile), (5, 8, 0.75, (420, 315))])
+def test_a_name_without_an_aspect_is_of_a_device_with_its_columns_and_rows_else_of_the_default(
+    cols, rows, aspect, tile
+):
+    """With that aspect for a mesh; a light field's views keep theirs."""
+    found = resolve_quilt(named=QuiltName(cols, rows))
+    assert (found.layout, found.keeps_aspect) == (QuiltLayout(cols, rows, aspect), True)
+    assert found.tile == tile
+    assert found.notes == (f"quilt: its name has no aspect; views of a mesh get {aspect:.4g}, others keep their own",)
+    assert resolve_quilt(named=QuiltName(cols, rows), aspect=2.0).layout.aspect == 2.0
+    assert resolve_quilt(named=QuiltName(cols, rows), aspect=2.0).notes == ()
+    with pytest.raises(InvalidOption, match=rf"name says qs{cols}x{rows} and the options say qs8x9a1\.77778; change"):
+        resolve_quilt(named=QuiltName(cols, rows), device="65")
+
+
 def test_a_name_that_says_something_else_is_refused():
     with pytest.raises(InvalidOption, match=r"name says qs11x6a0\.5625 and the options say qs8x6a0\.75; change"):
-        resolve_quilt(named=GO.layout, device="portrait")
+        resolve_quilt(named=GO_NAME, device="portrait")

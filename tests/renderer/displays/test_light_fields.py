@@ -64,9 +64,12 @@ def test_views_get_borders_to_the_aspect_that_is_shown():
 
 def test_pixels_are_averaged_and_margins_cut_off_evenly():
     views = np.arange(2 * 5 * 8, dtype=np.uint8).reshape(2, 5, 8, 1)
-    reduced = reduce_views(views, 3)
+    reduced = reduce_views(views, (3, 3))
     assert reduced.shape == (2, 1, 2, 1)
     assert reduced[1, 0, 1, 0] == round(views[1, 1:4, 4:7].mean())
+    reduced = reduce_views(views, (2, 3))
+    assert reduced.shape == (2, 2, 2, 1)
+    assert reduced[1, 1, 1, 0] == round(views[1, 2:4, 4:7].mean())
 
 
 def test_a_picture_that_would_be_too_large_is_made_of_smaller_views():

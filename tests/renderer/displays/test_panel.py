@@ -169,6 +169,24 @@ def test_the_whole_of_a_view_fits_into_the_panel():
     assert (panel[:, 200] == 200).all()
 
 
+@pytest.mark.parametrize("size", [(30, 15), (300, 150), (15, 30), (150, 300)])
+def test_pixels_that_are_not_square_keep_their_shape(size):
+    """Pixels may be smaller than lenses, where they are averaged, or larger."""
+    display = make_display(stripes="none", rotation=0.0)
+    round_ = np.hypot(*np.meshgrid(*((np.arange(side) + 0.5) / side - 0.5 for side in size[::-1]))) < 0.3
+    views = np.broadcast_to(np.where(round_, 200, 0).astype(np.uint8)[..., None], (3, 3, *size, 1))
+    is_bright = resample_panel(views, display, pixel_aspect=size[0] / size[1])[..., 0] > 100
+    assert abs(np.ptp(np.flatnonzero(is_bright[150])) - np.ptp(np.flatnonzero(is_bright[:, 200]))) <= 19  # a lens
+
+
+def test_the_reference_plane_is_given_in_pixels_along_x(captured):
+    """Of rows that are there twice, what moves by a pixel along x moves by two along y."""
+    display, _, cameras = captured
+    plain = resample_panel(cameras[:9, :9], display, disparity=1.0)
+    doubled = resample_panel(cameras[:9, :9].repeat(2, axis=2), display, disparity=1.0, pixel_aspect=2.0)
+    assert np.array_equal(doubled, plain)
+
+
 def test_a_panel_smaller_than_a_lens_shows_one_pixel_of_each_view():
     display = IntegralDisplay(6, 4, pixel_pitch=0.1, lens_pitch=1.0, gap=3.0)
     assert (resample_panel(np.full((1, 3, 12, 16, 3), 90, np.uint8), display) == 90).all()

@@ -1,11 +1,15 @@
 """Pictures of light fields for displays."""
 
+import json
+import re
+
 import numpy as np
 import pytest
 
 from ciir.renderer.displays.pictures import find_target, show_light_field
 from ciir.renderer.light_field import LightField
 from ciir.renderer.writers.options import WriterOptions
+from tests.support.displays import CALIBRATION
 
 
 @pytest.mark.parametrize(("bits", "unused"), [(10, 6), (11, 4), (12, 4), (16, 0)])
@@ -25,6 +29,48 @@ def test_levels_of_a_camera_fill_the_range(bits, unused):
     else:
         most = 2 ** (16 - unused) - 1
         assert raised == [f"display: no level is over {most}, so levels are multiplied by {2**unused}"]
+
+
+DISPLAYS = {
+    "lenticular": WriterOptions(calibration=json.dumps(CALIBRATION)),
+    "panel": WriterOptions(display="[panel]\npixels = [90, 40]\npitch = 0.1\n[lenses]\npitch = 0.5\ngap = 3.0\n"),
+}
+
+
+@pytest.mark.parametrize("kind", DISPLAYS)
+def test_pixels_that_are_not_square_make_the_picture_of_square_ones(kind):
+    """Columns that are there three times are a third as wide."""
+    waves = np.sin(np.arange(60) / 6)
+    picture = (128 + 100 * waves[:, None] * waves).round().astype(np.uint8)
+    views = np.broadcast_to(picture[..., None], (3, 6, 60, 60, 1))
+    target = find_target(kind, DISPLAYS[kind])
+    wanted = show_light_field(LightField(views, depth_sense="cameras"), target, DISPLAYS[kind])
+    narrow = LightField(views.repeat(3, axis=3), depth_sense="cameras", pixel_aspect=1 / 3)
+    made = show_light_field(narrow, target, DISPLAYS[kind])
+    assert np.abs(made.pixels.astype(int) - wanted.pixels).mean() < 4
+    sharp, of_square = (
+        float(re.search(r"disparities from -(\S+) to", " ".join(shown.notes))[1]) for shown in (made, wanted)
+    )
+    assert sharp == pytest.approx(3 * of_square, rel=0.05)  # in pixels
+
+
+@pytest.mark.parametrize(
+    ("viewer", "grid", "share", "remedy"),
+    [
+        ("[viewer]\ndistance = 250\n", (3, 3), "35 %", "leave viewer.distance out, or render the mesh itself"),
+        ("[viewer]\ndistance = 250\n", (1, 3), "25 %", "leave viewer.distance out, or render the mesh itself"),
+        ("", (2, 4), "51 %", "render the mesh itself"),  # half as high as wide
+        ("", (3, 3), "", ""),
+    ],
+)
+def test_directions_that_no_view_shows_are_noted(viewer, grid, share, remedy):
+    """On half of the panel of docs/displays.md at half the distance; of one row of views along x alone."""
+    text = "[panel]\npixels = [960, 540]\nppi = 280\n[lenses]\npitch = 1.0\ngap = 3.0\n"
+    options = WriterOptions(display=text + viewer)
+    field = LightField(np.zeros((*grid, 4, 4, 1), np.uint8), depth_sense="cameras")
+    notes = show_light_field(field, find_target("panel", options), options).notes
+    what = "of its subpixels look in directions that no view shows, and get the outermost view"
+    assert [note for note in notes if "panel" in note] == [f"panel: {share} {what}; {remedy}"] * bool(share)
 
 
 @pytest.mark.parametrize(("sense", "shown"), [("cameras", 0), ("lenses", 1)])

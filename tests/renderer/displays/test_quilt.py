@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ciir.errors import InvalidOption, Unreadable
-from ciir.renderer.displays.quilt import QuiltLayout, join_views, parse_json, parse_name, split_quilt
+from ciir.renderer.displays.quilt import QuiltLayout, QuiltName, join_views, parse_json, parse_name, split_quilt
 
 PORTRAIT = QuiltLayout(8, 6, 0.75)
 
@@ -26,10 +26,33 @@ def test_split_is_the_inverse_of_join(grid, size, margin):
 
 
 def test_columns_come_first_in_the_name():
-    assert parse_name(f"duck{PORTRAIT.suffix}.png") == PORTRAIT
+    assert parse_name(f"duck{PORTRAIT.suffix}.png") == QuiltName(8, 6, 0.75)
     assert PORTRAIT.suffix == "_qs8x6a0.75"
-    assert parse_name("a/b_QS11x6a0.5625.JPG") == QuiltLayout(11, 6, 0.5625)
+    assert parse_name("a/b_QS11x6a0.5625.JPG") == QuiltName(11, 6, 0.5625)
     assert parse_name("duck.png") is None
+
+
+@pytest.mark.parametrize(
+    ("name", "found"),
+    [
+        ("Jane_Guan_Space_Nap_qs8x6.webp", (8, 6, None)),
+        ("Jane_Guan_Space_Nap_qs8x6_qs5x9a1.6.png", (5, 9, 1.6)),
+        ("a_qs5x9a1.6_qs8x6.png", (8, 6, None)),
+        ("a_qs8x6 (1).png", (8, 6, None)),
+        ("a_qs8x6b.png", None),
+        ("a_qs8x6000.png", None),
+        ("a_qs8x6/b.png", None),
+    ],
+)
+def test_the_last_layout_in_a_name_counts_and_may_have_no_aspect(name, found):
+    assert parse_name(name) == (found and QuiltName(*found))
+
+
+def test_a_layout_without_an_aspect_is_completed():
+    assert (QuiltName(8, 6).suffix, QuiltName(8, 6, 0.75).suffix) == ("_qs8x6", "_qs8x6a0.75")
+    assert QuiltName(8, 6).complete(0.75) == QuiltName(8, 6, 0.75).complete(2.0) == PORTRAIT
+    with pytest.raises(InvalidOption, match="quilt: 99x6 is out of range"):
+        QuiltName(99, 6)
 
 
 @given(st.integers(1, 64), st.integers(1, 64), st.floats(0.01, 100))

@@ -248,3 +248,22 @@ def test_help_names_settings_that_exist(capsys):
         main(["serve", "--help"])
     named = set(re.findall(r"CIIR_([A-Z_]+)", capsys.readouterr().out)) - {""}
     assert {"FOLDER", "KEEP_SECONDS"} <= named <= {name.upper() for name in Settings.model_fields}
+
+
+@pytest.mark.parametrize(
+    ("command", "is_video"),
+    [
+        ("reconstruct", True),
+        ("batch", True),
+        ("elemental", False),
+        ("convert", False),
+        ("refocus", False),
+        ("depth", False),
+    ],
+)
+def test_help_says_of_several_poses_only_what_the_command_makes_of_them(capsys, command, is_video):
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "moment of a glTF mesh's animation (default: as it is stored)" in printed
+    assert printed.count("make a video of one view") == 2 * is_video

@@ -56,7 +56,10 @@ def containers(tmp_path_factory):
         ({"crop": (0, 0, 1, 0)}, "crop: this is for elemental image arrays and {} holds views; leave it out"),
         (
             {"frame": 1},
-            "frame: this is for a video of elemental image arrays (lenses or arrangement eia); leave it out of {}",
+            (
+                "frame: this is for a video of elemental image arrays (lenses or arrangement eia) or of quilts "
+                "(NAME_qs8x6a0.75.mp4); leave it out of {}"
+            ),
         ),
     ],
 )
@@ -64,6 +67,10 @@ def test_what_views_in_a_file_ignore_is_refused(containers, name, options, messa
     with pytest.raises(InvalidOption) as caught:
         ciir.reconstruct(containers / name, views="all", model="none", **options)
     assert str(caught.value) == message.format(name)
+
+
+def test_views_are_upright(containers):
+    ciir.reconstruct(containers / "a.mat", model="none", pickup="virtual")
 
 
 @pytest.mark.parametrize("name", ["a.mat", "a.tif", "a_qs4x3a1.png"])

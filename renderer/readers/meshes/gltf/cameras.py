@@ -53,8 +53,8 @@ def find_camera(
     note = f"camera {number}: its picture fits into the centre view"
     if lens.slope[1] > 0:  # rays of an orthographic camera are parallel, too
         note += (
-            " at the subject's distance; what is nearer looks smaller than to the camera and what is farther larger, "
-            "as rays of a view are parallel"
+            " at the subject's distance; what is nearer or farther has another size than to the camera, as views have "
+            "another perspective or none"
         )
     document.resolver.add_note(note)
     return view, lens

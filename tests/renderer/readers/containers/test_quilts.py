@@ -48,7 +48,22 @@ def test_a_colour_profile_that_is_not_srgb_is_noted(tmp_path):
 
 
 def test_pixels_that_are_not_square_are_noted(tmp_path):
-    assert "shown with the aspect 0.75: pixels are not square" in read(write(tmp_path, "a_qs3x2a0.75.png")).notes[1]
+    found = read(write(tmp_path, "a_qs3x2a0.75.png"))
+    assert "shown with the aspect 0.75: pixels are not square" in found.notes[1]
+    assert found.pixel_aspect * VIEWS.shape[2] / VIEWS.shape[1] == pytest.approx(0.75)
+
+
+def test_without_an_aspect_pixels_are_square(tmp_path):
+    found = read(write(tmp_path, "a_qs3x2.png"))
+    assert np.array_equal(found.views, VIEWS[None])
+    assert found.pixel_aspect == 1.0
+    assert found.notes[1] == "the name has no aspect: pixels are taken as square"
+
+
+def test_an_aspect_that_a_name_lacks_is_in_the_json_beside_it(tmp_path):
+    beside = QuiltLayout(3, 2, 0.75).to_json()
+    assert read(write(tmp_path, "a_qs3x2.png", beside)).pixel_aspect == 1.5
+    assert read(write(tmp_path, "b_qs2x3.png", beside)).pixel_aspect == 1.0
 
 
 def test_an_upload_has_its_layout_in_its_name():

@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.displays.quilt import QuiltLayout, split_quilt
 from ciir.renderer.light_field import LightField
 from ciir.renderer.limits import Limits
+from ciir.renderer.readers import inputs
+from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.containers import video
 from ciir.renderer.readers.layout import Layout
 from tests.support.light_fields import make_views
@@ -66,11 +69,29 @@ def test_a_frame_as_an_elemental_image_array():
 
 
 def test_a_frame_is_of_elemental_image_arrays():
-    from ciir.renderer.readers import inputs
-    from ciir.renderer.readers.bundle import Bundle
-
     with pytest.raises(InvalidOption, match="frame: this is for a video of elemental image arrays"):
         inputs.read(Bundle.from_upload("a.mkv", make()), Layout(frame=3))
+
+
+@pytest.mark.parametrize("number", [0, 3])
+def test_a_frame_of_a_video_named_as_a_quilt_is_one(number):
+    found = inputs.read(Bundle.from_upload("a_qs3x2a0.5.mkv", make()), Layout(frame=number))
+    assert np.array_equal(found.views[0], split_quilt(FRAMES[number], QuiltLayout(3, 2, 0.5), name="a"))
+    assert (found.depth_sense, found.pixel_aspect) == ("cameras", 0.5)  # views of 8x8 pixels
+    assert found.notes[0].startswith(f"frame {number} of the video is read, a quilt as its name")
+    assert found.notes[1] == "read as a quilt of 3 columns and 2 rows of views"
+
+
+@pytest.mark.parametrize(
+    ("layout", "message"),
+    [
+        ({"frame": 6}, "frame: a_qs3x2a0.5.mkv has no frame 6; they are counted from 0"),
+        ({"pixels": (1, 6)}, "pixels: a_qs3x2a0.5.mkv is a quilt of 3x2 views"),
+    ],
+)
+def test_what_is_not_read_of_a_video_of_quilts(layout, message):
+    with pytest.raises(InvalidOption, match=message):
+        inputs.read(Bundle.from_upload("a_qs3x2a0.5.mkv", make()), Layout(**layout))
 
 
 def test_gif():

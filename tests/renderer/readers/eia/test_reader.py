@@ -5,7 +5,7 @@ import pytest
 
 import ciir
 from ciir.errors import InvalidOption
-from ciir.renderer.displays.quilt import QuiltLayout, parse_name
+from ciir.renderer.displays.quilt import QuiltName, parse_name
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
@@ -50,6 +50,18 @@ def test_what_the_text_of_a_png_says_of_its_views(layout):
     field = read_png(EIA, OWN, **layout)
     assert np.array_equal(field.eia(pickup="optical"), EIA)
     assert (field.notes, field.depth_sense) == ((), "lenses")
+
+
+@pytest.mark.parametrize("written", ["virtual", "optical"])
+@pytest.mark.parametrize(
+    ("given", "layout"),
+    [(None, {}), ("virtual", {}), ("optical", {}), ("virtual", {"arrangement": "eia", "lenses": (60, 60)})],
+)
+def test_a_pickup_that_is_given_wins_with_a_note(written, given, layout):
+    field = read_png(EIA, write_text("eia", (5, 7, 60, 60), written), pickup=given, **layout)
+    assert np.array_equal(field.eia(pickup=given or written), EIA)
+    note = f"pickup: the file's own text says {written}; it is read as {given}, as was given"
+    assert field.notes == (() if given in (None, written) else (note,))
 
 
 def test_other_options_and_sizes_than_the_text_of_a_png_has():
@@ -273,7 +285,7 @@ def test_a_note_on_a_mosaic_has_the_name_that_a_quilt_needs():
     wide = np.repeat(MOSAIC, 2, axis=1)  # views twice as wide as high
     (note,) = (note for note in read(wide, pixels=(5, 7), order="given").notes if note.startswith("arrangement"))
     advised = note.rpartition(" ")[2]
-    assert parse_name(advised) == QuiltLayout(7, 5, 2.0)
+    assert parse_name(advised) == QuiltName(7, 5, 2.0)
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import ciir
 from ciir.errors import InvalidOption, TooLarge, Unreadable
 from ciir.renderer.displays.integral import parse_display
 from ciir.renderer.displays.lenticular import interlace
@@ -14,6 +15,7 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.pictures import decode
+from ciir.renderer.writers.containers import displays
 from ciir.renderer.writers.formats import WHOLE_BY_SUFFIX
 from tests.support.displays import CALIBRATION, make_calibration
 from tests.support.light_fields import make_views
@@ -46,6 +48,18 @@ def test_a_quilt_begins_with_the_leftmost_camera(tmp_path, sense):
     quilt = read(tmp_path / "a.png")
     np.testing.assert_array_equal(split_quilt(quilt, QuiltLayout(8, 6, 0.75), name="a"), views[1])
     np.testing.assert_array_equal(quilt[-8:, :6], views[1, 0])
+
+
+def test_a_quilt_is_saved_as_it_was_read(tmp_path):
+    """Its views are shown with the aspect in its name, whatever that of their pixels."""
+    FIELD.save(tmp_path / "a_qs8x6a1.77778.png", quilt="8x6", aspect=1.77778)
+    quilt = Image.fromarray(read(tmp_path / "a_qs8x6a1.77778.png")).resize((80, 90))
+    quilt.save(tmp_path / "b_qs8x6a1.77778.png")
+    light_field = ciir.open(tmp_path / "b_qs8x6a1.77778.png")
+    notes = light_field.save(tmp_path / "c.png", quilt="8x6")
+    assert np.array_equal(read(tmp_path / "c.png"), np.asarray(quilt))
+    assert "name it c_qs8x6a1.77778.png" in notes[-1]
+    assert json.loads((tmp_path / "c.png.json").read_text())["aspect"] == 1.77778
 
 
 def test_for_a_device_views_get_its_aspect(tmp_path):
@@ -116,6 +130,20 @@ def test_views_that_are_not_opaque_are_laid_over_black_with_a_note(tmp_path, mon
     for views, expected in ((opaque, False), (half, True)):
         notes = LightField(views, depth_sense="cameras").save("a.png", **options)
         assert ("alpha: the views are laid over black" in notes) is expected
+
+
+def test_what_webp_cannot_hold_is_refused_before_a_picture_is_made(folder, monkeypatch):
+    monkeypatch.setattr(displays, "show_light_field", None)
+    deep = LightField(FIELD.views.astype(np.uint16), depth_sense="cameras")
+    for field, display, message in (
+        (deep, PANEL, r"not 16 bit and 60x40 \(width x height\); name the file .png or .tif"),
+        (FIELD, PANEL.replace("[60, 40]", "[17000, 40]"), r"not 8 bit and 17000x40 \(width x height\)"),
+    ):
+        (folder / "p.toml").write_text(display)
+        with pytest.raises(InvalidOption, match=message):
+            field.save("a.webp", display="p.toml")
+    with pytest.raises(InvalidOption, match=r"not 16 bit and 64x48 \(width x height\)"):
+        deep.save("a_qs8x6a1.webp")
 
 
 @pytest.fixture

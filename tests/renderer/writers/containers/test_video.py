@@ -102,6 +102,7 @@ def test_levels_of_cameras_of_fewer_bits_fill_the_range(tmp_path, name, bits):
     [
         ("gif", {"fps": 60}, (8, 8), "fps: 60 is over the 50 that viewers show of gif"),
         ("mp4", {"path": "square"}, (8, 8), "path: 'square' is not known"),
+        ("mp4", {"name": "a_qs8x6a0.75.mp4"}, (8, 8), "_qs8x6a0.75 names a quilt, .* end the name with .png, .tif,"),
         ("webm", {}, (8, 20_000), "webm holds frames of up to 16,383 pixels a side"),
     ],
 )

@@ -93,9 +93,9 @@ def test_strided_pixels_are_written_as_they_stand_and_always_alike(suffix):
         ),
         ((4, 4, 4), np.uint8, ".jpeg", "not 4 channels of 8 bit"),
         ((4, 4, 3), np.uint16, ".jpg", "3 channels of 16 bit"),
-        ((1, 65_501, 1), np.uint8, ".jpg", "1x65501"),
+        ((1, 65_501, 1), np.uint8, ".jpg", "65501x1"),
         ((4, 4, 3), np.uint16, ".webp", r"WebP holds 8 bit and 16383.*\.png"),
-        ((1, webp.MAX_SIDE + 1, 1), np.uint8, ".webp", "1x16384"),
+        ((1, webp.MAX_SIDE + 1, 1), np.uint8, ".webp", "16384x1"),
         ((4, 4, 3), np.uint8, ".bmp", r"'\.bmp' can't be written"),
     ],
 )

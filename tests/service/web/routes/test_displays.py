@@ -7,7 +7,7 @@ import pytest
 
 from ciir.renderer.displays.integral import parse_display
 from ciir.renderer.displays.panel import resample_panel
-from ciir.renderer.displays.quilt import QuiltLayout, parse_name, split_quilt
+from ciir.renderer.displays.quilt import QuiltLayout, QuiltName, parse_name, split_quilt
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.pictures import decode
 from ciir.service.cli.main import main
@@ -47,9 +47,9 @@ def test_a_quilts_name_holds_its_layout(client, views):
     assert np.array_equal(split_quilt(read(made), QuiltLayout(3, 2, 1.0), name="q"), FIELD.views[0])
     assert name_of(made) == f"{made.headers['x-display-id']}_qs3x2a1.png"
     kept = client.get(f"/v1/displays/{made.headers['x-display-id']}/result")
-    assert parse_name(name_of(kept)) == QuiltLayout(3, 2, 1.0)
-    assert parse_name(name_of(post(client, views, device="8.9"))) == QuiltLayout(5, 9, 1.6)
-    assert parse_name(name_of(post(client, views, device="8.9", aspect="1.25"))) == QuiltLayout(5, 9, 1.25)
+    assert parse_name(name_of(kept)) == QuiltName(3, 2, 1.0)
+    assert parse_name(name_of(post(client, views, device="8.9"))) == QuiltName(5, 9, 1.6)
+    assert parse_name(name_of(post(client, views, device="8.9", aspect="1.25"))) == QuiltName(5, 9, 1.25)
 
 
 @pytest.mark.parametrize("is_file", [True, False])

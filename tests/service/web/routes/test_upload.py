@@ -30,6 +30,8 @@ def test_only_the_suffix_of_a_file_name_is_used(client):
     [
         ("reconstruction", "C:\\my\\a_QS08x6a0.750.PNG", "upload_qs8x6a0.75.png"),
         ("display", "a_qs8x6a0.75 (1).jpg", "upload_qs8x6a0.75.jpg"),
+        ("inspection", "a_qs8x6.webp", "upload_qs8x6.webp"),
+        ("inspection", "a_qs8x6a0.75.MP4", "upload_qs8x6a0.75.mp4"),
         ("inspection", "../a_qs8x6a0.75/b.png", "upload.png"),
         ("reconstruction", "a_qs8x6a0.75.glb", "upload.glb"),
         ("upscale", "a_qs99x6a0.75.png", "upload.png"),

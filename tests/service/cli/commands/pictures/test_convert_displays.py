@@ -192,6 +192,10 @@ def test_with_fit_none_a_mesh_stays_at_its_own_place(folder):
         ("scene:vase -o a.png --display p.toml --pickup optical", "pickup: optical is for elemental image arrays"),
         ("scene:vase -o a.png --calibration c.json --sampling lenslet", "sampling: a native picture takes one ray"),
         ("scene:vase -o a.png --display p.toml --disparity 1", "disparity: this is for light fields"),
+        (
+            "in.npz -o a_qs3x2a1.mp4",
+            "a_qs3x2a1.mp4: _qs3x2a1 names a quilt, and mp4 holds no quilts; end the name with",
+        ),
         ("scene:vase -o a.png --display p.toml --backend raster", "backend: pictures for displays are cast by rays"),
     ],
 )
@@ -207,6 +211,28 @@ def test_the_input_is_never_replaced(folder, capsys):
     assert convert("in.npz -o q_qs3x2a1.png") == 0
     assert convert("q_qs3x2a1.png -o q.png --to quilt --quilt 3x2") == 2
     assert "the input is there" in capsys.readouterr().err
+
+
+def test_a_name_without_an_aspect_makes_a_quilt_and_is_kept(folder, capsys):
+    for words in ("in.npz -o q_qs3x2.png", "in.npz -o q_qs3x2.png --to quilt"):
+        assert convert(words) == 0
+        printed = capsys.readouterr()
+        assert "q_qs3x2.png: quilt of 3x2 views" in printed.out
+        assert "its name has no aspect; views of a mesh get 0.75, others keep their own" in printed.err
+    assert json.loads((folder / "q_qs3x2.png.json").read_text())["aspect"] == 1.0
+    assert convert("q_qs3x2.png -o q_qs3x2_qs2x3a1.png") == 0
+    assert "quilt of 2x3 views" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("given", ["scene:vase", "in.npz"])
+def test_what_webp_cannot_hold_is_refused_before_a_picture_is_made(folder, monkeypatch, capsys, given):
+    for name in ("show_light_field", "_render"):
+        monkeypatch.setattr(f"ciir.service.pipeline.displays.pictures.{name}", None)
+    (folder / "wide.toml").write_text("[panel]\npixels=[17000,40]\npitch=0.1\n[lenses]\npitch=1.0\ngap=3.0\n")
+    assert convert(f"{given} -o a.webp --display wide.toml") == 2
+    assert "WebP holds 8 bit and 16383 pixels along a side, not 8 bit and 17000x40 (width x height)" in (
+        capsys.readouterr().err
+    )
 
 
 def test_a_quilt_alone_in_a_folder_keeps_its_aspect(folder):
