@@ -9,11 +9,13 @@ power cut a SQLite file may lack the last writes, but neither a `synced` one nor
 from __future__ import annotations
 
 import copy
+import re
 import sqlite3
 import sys
 import threading
 import time
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 from huey.constants import EmptyData
 from huey.storage import RedisStorage, SqliteStorage
@@ -270,18 +272,21 @@ def _pause(error: BaseException, *_: object) -> None:
 
 
 def _open_pool(url: str) -> ConnectionPool:
-    from redis import ConnectionPool
+    from redis import ConnectionPool, RedisError
     from redis.backoff import NoBackoff
     from redis.retry import Retry
 
+    form = "give one such as redis://localhost:6379/0"
+    if not url.startswith("unix:") and re.fullmatch(r"/?\d*", urlsplit(url).path) is None:  # redis takes it as 0
+        raise InvalidOption(f"CIIR_QUEUE: its path is not the number of a database; {form}")
     try:
-        return ConnectionPool.from_url(
+        pool = ConnectionPool.from_url(
             url,
             socket_connect_timeout=_CONNECT_SECONDS,
             socket_timeout=_ANSWER_SECONDS,
             retry=Retry(NoBackoff(), 0),  # a command whose answer was lost must not run twice
         )
-    except ValueError as error:  # the message leaves out the URL, which may contain a password
-        raise InvalidOption(
-            f"CIIR_QUEUE: not the URL of a Redis server ({error}); give one such as redis://localhost:6379/0"
-        ) from error
+        pool.connection_class(**pool.connection_kwargs)  # connects to nothing, but refuses unknown options
+    except (ValueError, TypeError, RedisError) as error:  # the message leaves out the URL, which may contain a password
+        raise InvalidOption(f"CIIR_QUEUE: not the URL of a Redis server ({error}); {form}") from error
+    return pool

@@ -111,11 +111,29 @@ def test_ids_and_values_survive_a_restart(queue, queue_url, tmp_path):
     again.close()
 
 
-@pytest.mark.parametrize("url", ["redis://user:secret@host:port/0", "http://user:secret@host/0"])
+@pytest.mark.parametrize(
+    "url",
+    [
+        "redis://user:secret@host:port/0",
+        "http://user:secret@host/0",
+        "redis://user:secret@host/0?foo=bar",
+        "redis://user:secret@host/zero",
+        "redis://user:secret@host/0/secret",
+        "redis://user:sec/secret@host/0",
+        "rediss://user:secret@host/0?ssl_cert_reqs=any",
+    ],
+)
 def test_an_invalid_url(url, tmp_path):
     with pytest.raises(InvalidOption, match=r"CIIR_QUEUE.*redis://localhost:6379/0") as raised:
         Queue(tmp_path, url)
     assert "secret" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    "url", ["redis://host", "rediss://:a%2Fb@host:1/", "unix:///a/b?db=2", "redis://[::1]/15?socket_timeout=1"]
+)
+def test_a_valid_url_connects_to_nothing_yet(url, tmp_path):
+    Queue(tmp_path, url).close()
 
 
 def test_a_full_disk_is_reported(tmp_path):
