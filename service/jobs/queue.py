@@ -90,6 +90,9 @@ class _Redis(RedisStorage):  # type: ignore[misc]
 def _describe(error: Exception) -> str | None:
     """The message for an error of the storage, without the server's address or path."""
     redis = sys.modules.get("redis")  # an extra, imported where a Redis server is used
+    if redis is not None and isinstance(error, redis.ResponseError):
+        refusal = "refuses commands, as a full one or a replica refuses writes; the log has its answer"
+        return f"the queue can't be used (its server {refusal}); try again later"
     if redis is not None and isinstance(error, redis.RedisError):
         return "the queue can't be used (its server doesn't answer); try again later"
     if type(error) is sqlite3.DatabaseError:  # damaged, where its subclasses are for passing errors
@@ -175,6 +178,7 @@ class Queue:
         """Name of an ended job's input -> when it was last used (seconds since 1970), and its bytes."""
         self.heartbeats = self._open_table("ciirheartbeats")
         """Name of a consumer -> a count that rises while it lives."""
+        self._checks = self._open_table("ciirchecks")
         self.poll_seconds = REDIS_POLL_SECONDS if url else POLL_SECONDS
         """Least and most time between two reads of a job that somebody waits for."""
         self._listener: PubSubWorkerThread | None = None
@@ -251,6 +255,11 @@ class Queue:
         """All ids in the lanes. Raises `QueueUnavailable`."""
         with self._resource.use():
             return {bytes(id_).decode() for storage in self._lanes.values() for id_ in storage.enqueued_items()}
+
+    def check(self) -> None:
+        """Raises `QueueUnavailable` if a Redis server takes no writes, as over `maxmemory` or as a replica."""
+        if self._pool is not None:
+            self._checks.put("writes", b"")
 
     def close(self) -> None:
         """Closes the connections."""
