@@ -285,6 +285,6 @@ def read_result(response: httpx2.Response) -> Result:
         file = Path(response.headers["content-disposition"].rstrip('"').rpartition('"')[2])
         timings = {stage: float(ms) for stage, ms in parts}
         formats = {kind.suffix: name for name, kind in reversed(FILE_TYPES.items())}  # of several the first one
-        id_ = response.headers["etag"].removeprefix("W/").strip('"')
+        id_ = response.headers["etag"].removeprefix("W/").strip('"').partition("-")[0]
         notes = tuple(_check(json.loads(response.headers.get("x-notes", "[]")), list))
         return Result(id_, response.content, formats[file.suffix], timings, file.name, notes)

@@ -334,3 +334,8 @@ def test_a_result_is_saved_where_something_can_be_written(tmp_path):
     for place in (tmp_path / "new/folder/x.png/x.png", f"{tmp_path}/new/folder/x.png/"):
         with pytest.raises(InvalidOption, match=r"x.png: not a folder; name another place"):
             result.save(place)
+
+
+def test_the_id_of_a_result_that_a_worker_of_another_version_made():
+    client, _ = make_client(httpx2.Response(200, headers=HEADERS | {"etag": 'W/"1-abc"'}, content=b"data"))
+    assert client.reconstruct("scene:vase", lenses=(5, 5), pixels=(5, 5)).id == "1"
