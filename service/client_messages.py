@@ -23,6 +23,7 @@ from ciir.errors import (
     Unauthorized,
     Unreadable,
 )
+from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.formats import BY_SUFFIX, FORMATS
 from ciir.renderer.writers.options import TEXT_FILES, read_text
 from ciir.service.errors import find_class
@@ -60,14 +61,13 @@ class Result:
     """On what was done: those that the command line prints."""
 
     def save(self, path: str | Path) -> None:
-        """Writes `content` to a file, or as `name` into a folder, which is made if `path` ends with a slash.
+        """Writes `content` to a file, or as `name` into a folder: one that is there, or `path` with a slash at its end.
 
-        Raises `InvalidOption` for a suffix of another format.
+        Folders that are missing are made. Raises `InvalidOption` for a suffix of another format, and for a place where
+        nothing can be written.
         """
         is_folder, path = str(path).endswith("/"), Path(path)
-        if is_folder:
-            path.mkdir(parents=True, exist_ok=True)
-        if path.is_dir():
+        if is_folder or path.is_dir():
             path /= self.name
         own = FORMATS[self.format].suffixes if self.format in FORMATS else (FILE_TYPES[self.format].suffix,)
         suffix = path.suffix.lower()
@@ -77,7 +77,8 @@ class Result:
             raise InvalidOption(
                 f"{path}: the result is {self.format}; name it {own[0]}, or ask for format={others[suffix]!r}"
             )
-        path.write_bytes(self.content)
+        with replacing(path) as file:
+            file.write(self.content)
 
 
 @dataclass(frozen=True)
@@ -284,6 +285,6 @@ def read_result(response: httpx2.Response) -> Result:
         file = Path(response.headers["content-disposition"].rstrip('"').rpartition('"')[2])
         timings = {stage: float(ms) for stage, ms in parts}
         formats = {kind.suffix: name for name, kind in reversed(FILE_TYPES.items())}  # of several the first one
-        id_ = response.headers["etag"].removeprefix("W/").strip('"')
+        id_ = response.headers["etag"].removeprefix("W/").strip('"').partition("-")[0]
         notes = tuple(_check(json.loads(response.headers.get("x-notes", "[]")), list))
         return Result(id_, response.content, formats[file.suffix], timings, file.name, notes)

@@ -23,7 +23,10 @@ def _add_request_id(record: logging.LogRecord) -> bool:
 
 class _Json(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
-        """An object on one line: `time` (UTC), `level`, `logger`, `request_id`, `message`, the fields, `exception`."""
+        """An object on one line: `time` (UTC), `level`, `logger`, `request_id`, `message`, the fields, `exception`.
+
+        A message `job %s...` gives the field `job`, its first argument.
+        """
         seconds = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
         entry = {
             "time": f"{seconds}.{int(record.msecs):03d}Z",
@@ -31,7 +34,10 @@ class _Json(logging.Formatter):
             "logger": record.name,
             "request_id": REQUEST_ID.get(),
             "message": record.getMessage(),
-        } | getattr(record, FIELDS, {})
+        }
+        if isinstance(record.args, tuple) and record.args and str(record.msg).startswith("job %s"):
+            entry["job"] = str(record.args[0])
+        entry |= getattr(record, FIELDS, {})
         if record.exc_info:
             entry["exception"] = self.formatException(record.exc_info)
         return json.dumps(entry, ensure_ascii=False, default=str)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import re
-from pathlib import Path  # noqa: TC003 - pydantic evaluates the annotations
+from pathlib import Path
 from typing import Annotated, Any, Literal
 from urllib.parse import urlsplit
 
@@ -46,6 +46,15 @@ def _check_queue(given: str) -> str:
     if given and re.match(r"(rediss?|unix)://.", given) is None:
         raise ValueError("no address of a Redis server, such as redis://localhost:6379/0")
     return given
+
+
+def _check_files(given: str) -> str:
+    """An address as it is, or a folder's absolute path; empty for the default."""
+    if re.match(r"[A-Za-z0-9+]+:(?!//)", given):  # a folder in fact, but s3:BUCKET is meant as an address
+        raise ValueError("an address without //")
+    if not given or "://" in given:
+        return given
+    return str(Path(os.path.expanduser(given)).absolute())  # noqa: PTH111 - Path's raises for an unknown user
 
 
 def parse_host(host: str) -> str:
@@ -93,7 +102,7 @@ class Settings(BaseSettings):
     Default: a SQLite file in `CIIR_FOLDER`."""
     queue_file: Path | None = None
     """File that holds `CIIR_QUEUE`, for an address with a password."""
-    files: str = ""
+    files: Annotated[str, AfterValidator(_check_files)] = ""
     """Folder for inputs and results, or s3://BUCKET/PATH (extra `[s3]`; the image has it); default: `files` in
     `CIIR_FOLDER`. Machines that share a queue must share this too."""
 
@@ -189,13 +198,13 @@ class Settings(BaseSettings):
     /metrics."""
 
     def find_folder(self) -> Path:
-        """The folder of jobs. Raises `InvalidOption` if it is not set and there is no cache folder."""
+        """The absolute path of the folder of jobs. Raises `InvalidOption` if neither it nor a cache folder is known."""
         if self.folder is not None:
-            return self.folder
+            return self.folder.absolute()
         cache = cache_folder.folder()
         if cache is None:
             raise InvalidOption(f"{PREFIX}FOLDER: not set, and this user has no home folder; name a folder")
-        return cache / "service"
+        return cache.absolute() / "service"
 
     @property
     def limits(self) -> Limits:

@@ -65,12 +65,13 @@ class Engine:
         self._was_ready = True
 
     def check_ready(self) -> None:
-        """Raises `NotReady` unless jobs are accepted and a worker is ready, or `QueueUnavailable` (full disk)."""
+        """Raises `NotReady` unless jobs are accepted and a worker is ready, or `QueueUnavailable` (disk or queue)."""
         self.check_accepting()
         if self._pool is not None and not self._pool.is_ready():
             usual = "no worker process is ready; new ones are being started, try again in a second"
             raise NotReady(self._describe_start(usual))
         self.jobs.disk.check()
+        self.jobs.queue.check()
         self.jobs.count_waiting()
 
     def _describe_start(self, usual: str) -> str:

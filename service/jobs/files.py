@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import secrets
 import shutil
 import time
 from contextlib import contextmanager, suppress
@@ -95,10 +96,19 @@ class Files:
                     make_folder(Path(self._path(folder)))
                 else:
                     self._fs.makedirs(self._path(folder), exist_ok=True)
+            self._probe()
         except PROGRAMMING_ERRORS:
             raise
         except Exception as error:  # each store's client has errors of its own
-            raise InvalidOption(f"{place}: files can't be stored there ({error}); name another place") from error
+            reason = str(error) or type(error).__name__
+            raise InvalidOption(f"{place}: files can't be stored there ({reason}); name another place") from error
+
+    def _probe(self) -> None:
+        """Writes an empty file and removes it; one that is left is removed as an orphan."""
+        path = self._path(INPUTS, f"probe.{secrets.token_hex(8)}")
+        with self._fs.open(path, "wb"):
+            pass
+        self._fs.rm_file(path)
 
     def _path(self, *names: str) -> str:
         return "/".join((self._root, *names))

@@ -104,6 +104,9 @@ class Job:
     """Of a job that failed."""
     result: Result | None = None
     """Of a job that is done."""
+    made_by: str = ""
+    """`identity.hash_installation()` of the worker that ended the job; empty until then, and in a record of an older
+    version."""
 
     @property
     def output(self) -> str:
@@ -126,7 +129,10 @@ class Job:
 
     def to_bytes(self) -> bytes:
         """UTF-8 JSON."""
-        return json.dumps(asdict(self), separators=(",", ":"), allow_nan=False).encode()
+        fields = asdict(self)
+        if not self.made_by:
+            del fields["made_by"]  # workers of versions without it can take the job
+        return json.dumps(fields, separators=(",", ":"), allow_nan=False).encode()
 
     @classmethod
     def from_bytes(cls, text: bytes) -> Job:

@@ -15,7 +15,7 @@ from typing import IO, TYPE_CHECKING, BinaryIO
 from ciir.errors import InvalidOption, QueueFull, QueueUnavailable, ResultExpired
 from ciir.service.jobs.disk import Disk
 from ciir.service.jobs.files import INPUTS, RECORD, RESULTS, Files, hash_content, make_folder
-from ciir.service.jobs.identity import compute_id
+from ciir.service.jobs.identity import compute_id, hash_installation
 from ciir.service.jobs.job import FINAL, Event, Job, Request, parse_id
 from ciir.service.jobs.lanes import LANES, choose_lane, estimate_job
 from ciir.service.jobs.lifecycle import Lifecycle
@@ -58,7 +58,8 @@ class Jobs:
         self.queue = Queue(self.folder, settings.queue)
         self.records = Records(self.queue.jobs)
         self.watcher = Watcher(self.records, self.queue)
-        self.lifecycle = Lifecycle(self.queue, self.records, self.files)
+        self._installation = hash_installation()  # now: an update may replace the files while this process runs
+        self.lifecycle = Lifecycle(self.queue, self.records, self.files, self._installation)
         database = None if settings.queue else self.folder / FILE
         self.disk = Disk((self.folder, self.files.runs), database, settings.max_body_bytes)
         self._max_waiting, self._job_seconds = settings.max_waiting, settings.job_seconds
@@ -73,9 +74,9 @@ class Jobs:
     def submit(self, request: Request, file: BinaryIO, client: str = "") -> tuple[Job, bool]:
         """The job for `request` and all bytes of `file`: an existing one, or a new one that is stored by now (True).
 
-        A job that failed with an error in the input is not run again; one that failed otherwise, was cancelled, or lost
-        its result is. `client` is listed in the job. Raises `QueueFull` if `max_waiting` jobs wait in its lane
-        (simultaneous calls may exceed it a little).
+        A job that failed with an error in the input is not run again; one that failed otherwise, was cancelled, lost
+        its result, or was ended by a worker of another version is. `client` is listed in the job. Raises `QueueFull`
+        if `max_waiting` jobs wait in its lane (simultaneous calls may exceed it a little).
         """
         content = hash_content(file)
         id_ = compute_id(request, content, self._limits)
@@ -106,6 +107,11 @@ class Jobs:
             self.remove_input(name)
             return self._mark_used(created), False
         self.queue.push(lane, id_)
+        if found is not None and found.made_by not in ("", self._installation):
+            _log.warning("job %s: a worker of another version had run it; runs again", id_)
+        if found is not None and found.result is not None:
+            with suppress(QueueUnavailable):  # logged; it is removed as an orphan
+                self.files.remove(RESULTS, found.output)
         return created, True
 
     def get(self, id_: str) -> Job | None:
@@ -198,12 +204,14 @@ class Jobs:
         self.queue.close()
 
     def _is_valid(self, job: Job) -> bool:
-        """Whether the job answers a new request for the same."""
+        """Whether the job answers a new request for the same: its id names this version, a worker may have another."""
+        if job.state in ("queued", "running"):
+            return True
+        if job.made_by != self._installation:
+            return False
         if job.state == "done":
             return self._has_result(job)
-        if job.state == "failed":
-            return job.problem is not None and job.problem.status < 500
-        return job.state in ("queued", "running")
+        return job.state == "failed" and job.problem is not None and job.problem.status < 500
 
     def _has_result(self, job: Job) -> bool:
         """Whether the result is stored as it was published; a damaged one is removed."""

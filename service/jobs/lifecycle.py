@@ -36,8 +36,9 @@ _log = logging.getLogger("ciir.jobs")
 class Lifecycle:
     """Changes of state. All raise `QueueUnavailable`; those that take a run change nothing if its lease is lost."""
 
-    def __init__(self, queue: Queue, records: Records, files: Files) -> None:
-        self._queue, self._records, self._files = queue, records, files
+    def __init__(self, queue: Queue, records: Records, files: Files, installation: str) -> None:
+        """`installation`: that of this process, by `identity.hash_installation`."""
+        self._queue, self._records, self._files, self._installation = queue, records, files, installation
 
     def start(self, id_: str, lease: str) -> Job | None:
         """Leases a queued job and returns the run; None if the job is not queued."""
@@ -57,10 +58,12 @@ class Lifecycle:
 
     def finish(self, run: Job, outcome: Result | Problem) -> bool:
         """Ends the job. If the lease is lost, removes the run's result file and returns False."""
+        maker = self._installation
         if isinstance(outcome, Problem):
-            done = self._update(run, Event("failed", asdict(outcome)), problem=outcome)
+            done = self._update(run, Event("failed", asdict(outcome)), problem=outcome, made_by=maker)
         else:
-            done = self._update(run, Event("done", {"format": outcome.format, "size": outcome.size}), result=outcome)
+            event = Event("done", {"format": outcome.format, "size": outcome.size})
+            done = self._update(run, event, result=outcome, made_by=maker)
         if done is None:
             now = self._records.get(run.id)
             if now is not None and now.lease == run.lease and (now.result or now.problem) == outcome:

@@ -9,11 +9,13 @@ power cut a SQLite file may lack the last writes, but neither a `synced` one nor
 from __future__ import annotations
 
 import copy
+import re
 import sqlite3
 import sys
 import threading
 import time
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 from huey.constants import EmptyData
 from huey.storage import RedisStorage, SqliteStorage
@@ -88,6 +90,9 @@ class _Redis(RedisStorage):  # type: ignore[misc]
 def _describe(error: Exception) -> str | None:
     """The message for an error of the storage, without the server's address or path."""
     redis = sys.modules.get("redis")  # an extra, imported where a Redis server is used
+    if redis is not None and isinstance(error, redis.ResponseError):
+        refusal = "refuses commands, as a full one or a replica refuses writes; the log has its answer"
+        return f"the queue can't be used (its server {refusal}); try again later"
     if redis is not None and isinstance(error, redis.RedisError):
         return "the queue can't be used (its server doesn't answer); try again later"
     if type(error) is sqlite3.DatabaseError:  # damaged, where its subclasses are for passing errors
@@ -173,6 +178,7 @@ class Queue:
         """Name of an ended job's input -> when it was last used (seconds since 1970), and its bytes."""
         self.heartbeats = self._open_table("ciirheartbeats")
         """Name of a consumer -> a count that rises while it lives."""
+        self._checks = self._open_table("ciirchecks")
         self.poll_seconds = REDIS_POLL_SECONDS if url else POLL_SECONDS
         """Least and most time between two reads of a job that somebody waits for."""
         self._listener: PubSubWorkerThread | None = None
@@ -250,6 +256,11 @@ class Queue:
         with self._resource.use():
             return {bytes(id_).decode() for storage in self._lanes.values() for id_ in storage.enqueued_items()}
 
+    def check(self) -> None:
+        """Raises `QueueUnavailable` if a Redis server takes no writes, as over `maxmemory` or as a replica."""
+        if self._pool is not None:
+            self._checks.put("writes", b"")
+
     def close(self) -> None:
         """Closes the connections."""
         if self._listener is not None:
@@ -270,18 +281,21 @@ def _pause(error: BaseException, *_: object) -> None:
 
 
 def _open_pool(url: str) -> ConnectionPool:
-    from redis import ConnectionPool
+    from redis import ConnectionPool, RedisError
     from redis.backoff import NoBackoff
     from redis.retry import Retry
 
+    form = "give one such as redis://localhost:6379/0"
+    if not url.startswith("unix:") and re.fullmatch(r"/?\d*", urlsplit(url).path) is None:  # redis takes it as 0
+        raise InvalidOption(f"CIIR_QUEUE: its path is not the number of a database; {form}")
     try:
-        return ConnectionPool.from_url(
+        pool = ConnectionPool.from_url(
             url,
             socket_connect_timeout=_CONNECT_SECONDS,
             socket_timeout=_ANSWER_SECONDS,
             retry=Retry(NoBackoff(), 0),  # a command whose answer was lost must not run twice
         )
-    except ValueError as error:  # the message leaves out the URL, which may contain a password
-        raise InvalidOption(
-            f"CIIR_QUEUE: not the URL of a Redis server ({error}); give one such as redis://localhost:6379/0"
-        ) from error
+        pool.connection_class(**pool.connection_kwargs)  # connects to nothing, but refuses unknown options
+    except (ValueError, TypeError, RedisError) as error:  # the message leaves out the URL, which may contain a password
+        raise InvalidOption(f"CIIR_QUEUE: not the URL of a Redis server ({error}); {form}") from error
+    return pool

@@ -1,5 +1,7 @@
 """What the compose file denies its services; no engine is needed."""
 
+import re
+
 import pytest
 import yaml
 
@@ -48,3 +50,12 @@ def test_the_web_service_accepts_its_own_hosts_and_the_demos(monkeypatch, given,
 def test_the_demo_has_the_keys_of_the_web_service():
     assert SERVICES["web"]["environment"]["CIIR_API_KEYS"] == "${CIIR_API_KEYS:-}"
     assert SERVICES["demo"]["environment"]["CIIR_API_KEYS"] == "${CIIR_API_KEYS:-}"
+
+
+def test_plain_http_is_published_on_loopback_alone():
+    text = (ROOT / "docs/deployment.md").read_text()
+    override = next(
+        yaml.safe_load(block) for block in re.findall(r"```yaml\n(.*?)```", text, re.S) if "keys_file" in block.lower()
+    )
+    assert all(port.startswith("127.0.0.1:") for port in SERVICES["web"]["ports"])
+    assert "ports" not in override["services"]["web"]  # compose adds them to those of its own file

@@ -103,6 +103,11 @@ def test_everything_that_is_named_is_there():
     assert BY_NAME["Service", redis.hostname]["spec"]["ports"][0]["port"] == redis.port
 
 
+def test_redis_is_ready_once_it_answers_without_an_error():
+    pod = BY_NAME["StatefulSet", "ciir-redis"]["spec"]["template"]["spec"]
+    assert pod["containers"][0]["readinessProbe"]["exec"]["command"] == ["redis-cli", "-e", "ping"]
+
+
 def test_variables_are_settings_and_no_other_begins_like_them():
     names = set(BY_NAME["ConfigMap", "ciir"]["data"])
     for each in OURS:

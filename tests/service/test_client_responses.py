@@ -325,3 +325,17 @@ def test_other_names_are_as_they_are_given(tmp_path, format_, name):
 def test_a_folder_is_made_for_a_result(tmp_path):
     Result("1", b"data", "png", {}, "1_qs5x9a1.png").save(f"{tmp_path}/new/folder/")
     assert (tmp_path / "new/folder/1_qs5x9a1.png").read_bytes() == b"data"
+
+
+def test_a_result_is_saved_where_something_can_be_written(tmp_path):
+    result = Result("1", b"data", "png", {}, "1.png")
+    result.save(tmp_path / "new/folder/x.png")
+    assert (tmp_path / "new/folder/x.png").read_bytes() == b"data"
+    for place in (tmp_path / "new/folder/x.png/x.png", f"{tmp_path}/new/folder/x.png/"):
+        with pytest.raises(InvalidOption, match=r"x.png: not a folder; name another place"):
+            result.save(place)
+
+
+def test_the_id_of_a_result_that_a_worker_of_another_version_made():
+    client, _ = make_client(httpx2.Response(200, headers=HEADERS | {"etag": 'W/"1-abc"'}, content=b"data"))
+    assert client.reconstruct("scene:vase", lenses=(5, 5), pixels=(5, 5)).id == "1"

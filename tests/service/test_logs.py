@@ -57,3 +57,15 @@ def test_json_is_one_line(root, capsys):
     }
     assert record["time"].endswith("Z")
     assert record["exception"].endswith(r"ValueError: invalid literal for int() with base 10: 'two\nlines'")
+
+
+def test_lines_on_a_job_have_its_id(root, capsys):
+    def write():
+        jobs = logging.getLogger("ciir.jobs")
+        jobs.warning("job %s: run %d was stopped; queued again", "1a", 1)
+        jobs.info("job %s: done", "1a", extra={logs.FIELDS: {"job": "1a", "status": "200"}})
+        jobs.warning("job %s is no template")
+        jobs.warning("%s can be used again", "the queue")
+
+    found = [json.loads(line).get("job") for line in log(capsys, "json", write)]
+    assert found == ["1a", "1a", None, None]

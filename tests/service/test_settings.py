@@ -40,6 +40,28 @@ def test_settings_are_read_from_the_environment(monkeypatch, tmp_path):
     assert "first" not in repr(found)
 
 
+@pytest.mark.parametrize("value", ["s3:bucket", "S3:bucket/path", "s3:/bucket", "http:localhost"])
+def test_an_address_of_files_without_slashes_is_no_folder(monkeypatch, value):
+    monkeypatch.setenv("CIIR_FILES", value)
+    with pytest.raises(
+        InvalidOption, match=f"CIIR_FILES: '{value}' is not a folder's path, or an address such as s3://"
+    ):
+        settings.read_settings()
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [("shared", "{here}/shared"), ("./a:b", "{here}/a:b"), ("~/a", "{here}/home/a"), ("s3://b/p", "s3://b/p")],
+)
+def test_folders_have_absolute_paths(monkeypatch, tmp_path, value, expected):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("CIIR_FILES", value)
+    monkeypatch.setenv("CIIR_FOLDER", "jobs")
+    found = settings.read_settings()
+    assert (found.files, found.find_folder()) == (expected.format(here=tmp_path), tmp_path / "jobs")
+
+
 def test_an_empty_variable_counts_as_not_set(monkeypatch):
     for name in Settings.model_fields:
         monkeypatch.setenv(f"CIIR_{name.upper()}", "")

@@ -28,7 +28,6 @@ def run(args: argparse.Namespace) -> None:  # noqa: ARG001 - a command's signatu
     from ciir.models import catalogue
     from ciir.service.jobs.engine import Engine
     from ciir.service.metrics import Metrics
-    from ciir.service.settings import hide_secrets
 
     found = common.start_service()
     if not found.workers:
@@ -47,9 +46,9 @@ def run(args: argparse.Namespace) -> None:  # noqa: ARG001 - a command's signatu
         rest.callback(engine.close)
         if found.metrics_port:
             rest.enter_context(_showing(metrics, found.metrics_port))
+        _log.info(engine.describe_place())
         engine.start()
-        place = hide_secrets(found.queue) or engine.jobs.folder
-        _log.info("%d worker processes take jobs from %s", found.workers, place)
+        _log.info("%d worker processes take jobs", found.workers)
         while not stop.wait(LOOK_SECONDS):
             pass
         _log.info("stopping: what runs has %g s to finish", found.drain_seconds)

@@ -79,7 +79,7 @@ async def stream_events(watcher: Watcher, job: Job, sent: int) -> AsyncIterator[
             yield KEEPALIVE_COMMENT
             continue
         except (LookupError, QueueUnavailable) as error:  # the client gets the error when it reconnects
-            _log.warning("the event stream of job %s ended: %s", job.id, error)
+            _log.warning("job %s: its event stream ended: %s", job.id, error)
             return
         if later is None:
             return

@@ -14,6 +14,7 @@ from fastapi.responses import JSONResponse, StreamingResponse
 from ciir.errors import ResultExpired
 from ciir.renderer.displays.quilt import QuiltLayout
 from ciir.service.errors import CANCELLED, find_response
+from ciir.service.jobs.identity import hash_installation
 from ciir.service.jobs.job import FINAL
 from ciir.service.pipeline.options import FILE_TYPES, KINDS
 from ciir.service.web import problems
@@ -131,8 +132,10 @@ def find_matching_tag(if_none_match: Iterable[str], id_: str) -> str | None:
 
 
 def _make_headers(job: Job, result: Result, timings: Mapping[str, float]) -> dict[str, str]:
+    # The id stands for what this version makes; a worker of another one may have made the result.
+    value = job.id if job.made_by == hash_installation() else f"{job.id}-{job.made_by[:8]}"
     # A report holds timings, which differ between two runs of one job: a weak tag.
-    tag = f'W/"{job.id}"' if FILE_TYPES[result.format].holds_report else f'"{job.id}"'
+    tag = f'W/"{value}"' if FILE_TYPES[result.format].holds_report else f'"{value}"'
     return {
         "ETag": tag,
         "Cache-Control": CACHE,

@@ -80,6 +80,8 @@ def parse_form(parts: Iterable[tuple[str, UploadFile | str]], kind: Kind) -> Upl
     texts: dict[str, str] = {}
     seen: set[str] = set()
     for name, value in parts:
+        if name in (FILE, *TEXT_FILES) and _is_left_empty(value):
+            continue
         if name in seen:
             remedy = "send several files as one zip" if name == FILE else "give it once"
             raise InvalidOption(f"{clean_text(name)}: given twice; {remedy}")
@@ -113,6 +115,11 @@ def parse_form(parts: Iterable[tuple[str, UploadFile | str]], kind: Kind) -> Upl
     kind.check_format(options, format_)
     found = _find_input(upload, scene, kind)
     return Upload(Request(found.name, texts, format_, kind.name), found.file, found.size)
+
+
+def _is_left_empty(value: UploadFile | str) -> bool:
+    """Whether a browser sends this for a file input without a file."""
+    return isinstance(value, UploadFile) and not value.filename and not value.size
 
 
 def _list_others(kind: Kind) -> tuple[str, ...]:

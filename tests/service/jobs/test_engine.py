@@ -77,6 +77,19 @@ def test_when_it_accepts_jobs_and_is_ready(engine, pool):
             check()
 
 
+def test_it_is_not_ready_while_the_queue_takes_no_writes(engine, pool, monkeypatch):
+    engine.start()
+    pool.ready = True
+
+    def fail():
+        raise QueueUnavailable("no writes")
+
+    monkeypatch.setattr(engine.jobs.queue, "check", fail)
+    engine.check_accepting()
+    with pytest.raises(QueueUnavailable, match="no writes"):
+        engine.check_ready()
+
+
 def test_gauges_of_the_queue(engine, monkeypatch):
     submit_data(engine.jobs)
     engine.update_gauges()

@@ -188,8 +188,21 @@ def test_a_programming_error_is_not_reported_as_one_of_the_store(tmp_path, monke
         Files("memory://a", tmp_path / "scratch")
 
 
-@pytest.mark.parametrize("place", ["nosuchscheme://bucket/path", "{tmp}/file/below"])
+@pytest.mark.parametrize("place", ["nosuchscheme://bucket/path", "{tmp}/file/below", "data://bucket"])
 def test_a_place_that_cannot_be_used(tmp_path, place):
     (tmp_path / "file").touch()
     with pytest.raises(InvalidOption, match="name another place"):
         Files(place.format(tmp=tmp_path), tmp_path / "scratch")
+
+
+def test_a_place_that_cannot_be_written_is_refused_at_the_start(tmp_path, monkeypatch):
+    def fail(*_, **__):
+        raise PermissionError("read only")
+
+    monkeypatch.setattr(MemoryFileSystem, "_open", fail)
+    with pytest.raises(InvalidOption, match=r"^memory://a: .*\(read only\); name another place"):
+        Files("memory://a", tmp_path / "scratch")
+
+
+def test_trying_a_place_leaves_nothing(files):
+    assert (files.list_names(INPUTS), files.list_names(RESULTS)) == ([], [])

@@ -13,7 +13,7 @@ JOB = Job("0" * 32, Request("upload.png", {"lenses": "5x5"}, None), created=1.5,
         JOB,
         JOB.add_client("a").add_client("b"),
         JOB.add_event(Event("running", {"attempt": 1}), state="running").add_event(Event("progress", {"stage": "map"})),
-        JOB.add_event(Event("failed"), state="failed", problem=Problem(422, "Not readable", "no file")),
+        JOB.add_event(Event("failed"), state="failed", problem=Problem(422, "Not readable", "no file"), made_by="x"),
         JOB.add_event(Event("done"), state="done", result=Result("zip", 5, {"views": [{"v": 1}], "notes": ["ü"]})),
     ],
 )
@@ -26,6 +26,10 @@ def test_a_record_of_an_older_version_lists_no_clients():
     fields = json.loads(JOB.to_bytes())
     del fields["clients"]
     assert Job.from_bytes(json.dumps(fields).encode()) == JOB
+
+
+def test_workers_of_versions_without_the_field_can_take_a_job():
+    assert "made_by" not in json.loads(JOB.to_bytes())
 
 
 def test_a_job_lists_each_client_once_and_not_too_many():

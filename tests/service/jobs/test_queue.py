@@ -1,4 +1,5 @@
 import json
+import subprocess
 import threading
 
 import pytest
@@ -111,11 +112,44 @@ def test_ids_and_values_survive_a_restart(queue, queue_url, tmp_path):
     again.close()
 
 
-@pytest.mark.parametrize("url", ["redis://user:secret@host:port/0", "http://user:secret@host/0"])
+@pytest.mark.parametrize(
+    "url",
+    [
+        "redis://user:secret@host:port/0",
+        "http://user:secret@host/0",
+        "redis://user:secret@host/0?foo=bar",
+        "redis://user:secret@host/zero",
+        "redis://user:secret@host/0/secret",
+        "redis://user:sec/secret@host/0",
+        "rediss://user:secret@host/0?ssl_cert_reqs=any",
+    ],
+)
 def test_an_invalid_url(url, tmp_path):
     with pytest.raises(InvalidOption, match=r"CIIR_QUEUE.*redis://localhost:6379/0") as raised:
         Queue(tmp_path, url)
     assert "secret" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    "url", ["redis://host", "rediss://:a%2Fb@host:1/", "unix:///a/b?db=2", "redis://[::1]/15?socket_timeout=1"]
+)
+def test_a_valid_url_connects_to_nothing_yet(url, tmp_path):
+    Queue(tmp_path, url).close()
+
+
+@pytest.mark.parametrize("command", [("config", "set", "maxmemory", "1"), ("replicaof", "127.0.0.1", "1")])
+def test_a_redis_server_that_refuses_writes_is_reported(redis_server, tmp_path, command):
+    queue = Queue(tmp_path, redis_server.url)
+    queue.check()
+    subprocess.run(["redis-cli", "-s", f"{redis_server.folder}/socket", *command], capture_output=True, check=True)  # noqa: S603, S607
+    for write in (queue.check, lambda: queue.push("small", "a"), lambda: queue.jobs.swap("a", None, b"1")):
+        with pytest.raises(QueueUnavailable, match="its server refuses commands, as a full one or a replica"):
+            write()
+    assert queue.count_waiting("small") == 0
+    redis_server.kill()
+    with pytest.raises(QueueUnavailable, match="doesn't answer"):
+        queue.check()
+    queue.close()
 
 
 def test_a_full_disk_is_reported(tmp_path):

@@ -121,6 +121,20 @@ def test_only_errors_of_the_server_are_tried_again(jobs, status, state):
     assert submit_data(jobs).state == state
 
 
+@pytest.mark.parametrize("end", [finish_job, lambda jobs, job: fail_job(jobs, job, 422)])
+@pytest.mark.parametrize("maker", ["another version", ""])  # a version from before `made_by` stores none
+def test_what_a_worker_of_another_version_made_answers_no_new_request(service, jobs, monkeypatch, end, maker):
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "hash_installation", lambda: maker)
+        old = service.open_jobs()
+    job = end(old, submit_data(jobs))
+    again = submit_data(jobs)
+    assert (again.id, again.state, again.made_by) == (job.id, "queued", "")
+    assert list_files(jobs) == [f"inputs/{again.input}"]
+    ended = end(jobs, again)
+    assert submit_data(jobs) == ended
+
+
 def test_a_cancelled_job_may_be_submitted_again(jobs):
     assert jobs.cancel("0" * 32) is None
     job = submit_data(jobs)

@@ -56,6 +56,7 @@ def test_lines_as_json(client, caplog, eia):
     }
     job = next(line for line in entries if line["logger"] == "ciir.jobs" and "worker" not in line)
     assert response.headers["x-reconstruction-id"] in job["message"]
+    assert job["job"] == response.headers["x-reconstruction-id"]
 
 
 def test_an_unexpected_exception_is_a_problem_with_an_id(client, eia, monkeypatch):

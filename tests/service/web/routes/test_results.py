@@ -1,10 +1,12 @@
 import asyncio
 import io
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
+from ciir.service.jobs import identity
 from ciir.service.jobs.job import Event, Job, Problem, Request, Result
 from ciir.service.web.routes import results
 from ciir.service.web.routes.document import make_schemas
@@ -14,7 +16,9 @@ QUEUED = Job(ID, Request("upload.glb", {"lenses": "5x5"}, None), created=1.5, ev
 PROGRESS = {"stage": "render", "views_done": 1, "views": 5}
 RUNNING = QUEUED.add_event(Event("running"), state="running", attempts=1).add_event(Event("progress", PROGRESS))
 REPORT = {"timings_ms": {"total": 1.0}, "notes": ["a note on ΔE"]}
-DONE = RUNNING.add_event(Event("done"), state="done", result=Result("zip", 9, REPORT))
+DONE = RUNNING.add_event(
+    Event("done"), state="done", result=Result("zip", 9, REPORT), made_by=identity.hash_installation()
+)
 FAILED = RUNNING.add_event(Event("failed"), state="failed", problem=Problem(415, "Type not supported", "no mesh"))
 CANCELLED = RUNNING.add_event(Event("cancelled"), state="cancelled")
 
@@ -79,6 +83,16 @@ def test_head_of_a_large_result_reads_one_chunk(monkeypatch):
     assert (response.body, response.headers["content-length"]) == (b"", "9")
     assert response.headers["etag"] == f'W/"{ID}"'
     assert response.headers["x-notes"] == r'["a note on \u0394E"]'
+
+
+@pytest.mark.parametrize(("maker", "end"), [(DONE.made_by, ""), ("0123456789", "-01234567"), ("", "-")])
+def test_what_a_worker_of_another_version_made_has_another_tag(maker, end):
+    job = replace(DONE, made_by=maker)
+    jobs = SimpleNamespace(open_result=lambda id_: io.BytesIO(b"123456789"))
+    response = asyncio.run(results.respond_with_result(jobs, job, job.result))
+    tag = response.headers["etag"]
+    assert tag == f'W/"{ID}{end}"'
+    assert (results.find_matching_tag([tag], ID) is None) == bool(end)
 
 
 @pytest.mark.parametrize("count", [0, 3, 100])

@@ -129,6 +129,21 @@ def test_a_shipped_scene_takes_the_place_of_the_file(own):
     assert own.pool.runs == 2
 
 
+@pytest.mark.parametrize("name", ["file", "calibration"])
+def test_file_inputs_that_a_browser_leaves_empty_count_as_not_sent(client, name):
+    empty = f'--x\r\nContent-Disposition: form-data; name="{name}"; filename=""\r\n\r\n{{}}\r\n'
+    fields = {"scene": "vase", "lenses": "4x4", "pixels": "2x2", "model": "none"}
+    rest = [f'--x\r\nContent-Disposition: form-data; name="{key}"\r\n\r\n{text}\r\n' for key, text in fields.items()]
+    headers = {"content-type": "multipart/form-data; boundary=x", "prefer": "respond-async"}
+
+    def send(content, *more):
+        return client.post(POST, content="".join([empty.format(content), *more, "--x--\r\n"]), headers=headers)
+
+    assert send("", *rest).status_code == 202
+    check_problem(send("data", *rest), 422, name)
+    check_problem(send(""), 422, "file: missing; send")
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_options_in_the_query_are_refused(client, eia, kind):
     sent = client.post(f"{results.find_root(kind)}?model=none&lenses=10x10&model=", files={"file": ("a.png", eia)})
