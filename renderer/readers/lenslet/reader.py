@@ -117,7 +117,7 @@ def _load(bundle: Bundle, key: str, known: Known) -> _Raw:
     camera = find_camera(bundle.files[key], name)
     shown = picture if white is None else white
     try:
-        calibration = _calibrate(shown, known, camera, name)
+        calibration = _calibrate(shown, known, camera, name, is_white=white is not None)
     except NoGrid as error:
         if frames or camera is not None:
             raise
@@ -166,12 +166,12 @@ def _describe_difference(picture: Pixels, known: Known, taken: Calibration) -> s
     )
 
 
-def _calibrate(picture: Pixels, known: Known, camera: Camera | None, name: str) -> Calibration:
+def _calibrate(picture: Pixels, known: Known, camera: Camera | None, name: str, *, is_white: bool) -> Calibration:
     """The grid that `picture` shows; where it shows none and nothing is known, that of the metadata of a `camera`."""
     if camera is None or known != Known():
-        return calibrate(picture, known, name=name)
+        return calibrate(picture, known, name=name, is_white=is_white)
     try:
-        return calibrate(picture, camera.known, name=name)
+        return calibrate(picture, camera.known, name=name, is_white=is_white)
     except Unreadable:
         if camera.grid is None:
             raise

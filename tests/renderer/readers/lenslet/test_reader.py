@@ -83,6 +83,11 @@ def test_the_grid_is_found_in_the_white_picture():
     assert float(found.notes[0].split("pitch ")[1].split()[0]) == pytest.approx(KNOWN.pitch, abs=0.003)
 
 
+def test_a_white_picture_without_a_grid_is_refused_as_one():
+    with pytest.raises(Unreadable, match=r"at least 8; give lens_pitch, lens_offset, lens_rotation and lens_grid$"):
+        read(make_bundle(raw=RAW, white=np.full_like(RAW, 200)), Layout(lens_grid=Known()))
+
+
 def test_a_hexagonal_grid_is_resampled_with_a_note():
     known = Known(9.3, (4.2, 5.1), 0.5, "hexagonal")
     notes = read(make_bundle(raw=RAW), Layout(lens_grid=known)).notes
