@@ -50,6 +50,8 @@ MISMATCH = 0.5
 """Share of the largest difference that counts from which nothing fits a pixel."""
 MOST_MISMATCHED = 0.4
 """Share of such pixels without a note: outlines and mirrors have them, and fine texture halfway between two planes."""
+MOST_AT_LIMITS = 0.2
+"""Share of pixels at a given limit without a note: a plain background may lie there."""
 MOVED = 0.3
 """Pixels a view by which the sides of an outline differ."""
 
@@ -71,7 +73,9 @@ class DisparityMap:
     depth_sense: DepthSense
     """Of the light field."""
     notes: tuple[str, ...] = ()
-    """Where the search for a range of disparities ended, and whether nothing fits much of the view."""
+    """Where the search for a range of disparities ended, and whether nothing fits much of the view, or much of it lies
+    at given limits.
+    """
 
     @property
     def hci(self) -> NDArray[np.float32]:
@@ -102,12 +106,14 @@ def estimate_disparity(
     limits: tuple[float, float] | None = None,
     beyond: float = 0.0,
     extra: Callable[[float], NDArray[np.float32]] | None = None,
+    clips: bool = True,
 ) -> DisparityMap:
     """The disparity of `view`, by default the centre one.
 
     `limits`: the least and the largest disparity in pixels a view, by default of `find_limits`. `beyond`: how
     far past the largest the same steps go on, as a share of the range, as long as `MOST_COSTS` allows. `extra`: what a
-    disparity costs each pixel beside what the views say, `(H, W)` in 8-bit levels.
+    disparity costs each pixel beside what the views say, `(H, W)` in 8-bit levels. `clips`: whether the map lies within
+    `limits`, which the planes may pass by a step.
 
     Other views then correct the map (`stereo.refinement`), of clean ones by less than a plane. Beyond noise of
     `UNNOTICED` all of them do, make the view itself almost free of noise, and outlines are looked for again in that, in
@@ -117,7 +123,8 @@ def estimate_disparity(
     not there, and for limits that are not in order or over the longer side of a view; `TooLarge` for more than
     `MOST_COSTS` pixels times disparities.
     """
-    return _estimate(_raise_levels(light_field), view, limits, beyond, extra)
+    found = _estimate(_raise_levels(light_field), view, limits, beyond, extra)
+    return _clip(found, limits) if clips and limits is not None else found
 
 
 def _estimate(
@@ -152,7 +159,6 @@ def _estimate(
     deviation = estimate_noise(read_levels(views[view]).transpose(1, 2, 0))
     noise = max(0.0, deviation - UNNOTICED)
     planes = np.array(numbers) / parts
-
     mismatched: list[float] = []
 
     def look(own: NDArray[np.float32] | None = None) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -229,13 +235,27 @@ def estimate_disparities(
     """
     light_field = _raise_levels(light_field)
     notes: list[str] = []
-    if limits is None:
+    searched = limits
+    if searched is None:
         check_views(light_field.views)
-        limits = find_limits(light_field.views)
-        notes += note_reach(limits, light_field.views.shape[2:4])
+        searched = find_limits(light_field.views)
+        notes += note_reach(searched, light_field.views.shape[2:4])
     for view in parse_views("all", *light_field.views.shape[:2]) if views is None else views:
-        found = _estimate(light_field, view, limits)
+        found = _estimate(light_field, view, searched)
+        found = _clip(found, limits) if limits is not None else found
         yield replace(found, notes=(*notes, *found.notes))
+
+
+def _clip(found: DisparityMap, limits: tuple[float, float]) -> DisparityMap:
+    """The map within `limits`, which the planes may pass, with a note where much of it lies at one of them."""
+    low, high = limits
+    disparity = found.disparity.clip(low, high)
+    share = float(((found.disparity <= low) | (found.disparity >= high)).mean())
+    note = (
+        f"limits: {100 * share:.0f} % of the pixels lie at {low:g} or {high:g}, where the disparities that were given "
+        "end; give wider limits, if there are others"
+    )
+    return replace(found, disparity=disparity, notes=(*found.notes, *[note] * (share > MOST_AT_LIMITS)))
 
 
 def _raise_levels(light_field: LightField) -> LightField:

@@ -114,6 +114,18 @@ def test_another_view_and_given_limits():
     assert (found.disparity.dtype, found.confidence.dtype) == (np.float32, np.float32)
 
 
+@pytest.mark.parametrize(("limits", "is_noted"), [((0.35, 1.65), False), ((0.1, 0.3), True), ((-0.2, 0.42), False)])
+def test_a_map_lies_within_given_limits(limits, is_noted):
+    """Planes are a quarter apart."""
+    light_field, _ = make_light_field()
+    for found in (light_field.disparity(limits=limits), *light_field.disparities([(2, 2)], limits=limits)):
+        assert limits[0] <= found.disparity.min()
+        assert found.disparity.max() <= limits[1]
+        notes = [note for note in found.notes if note.startswith("limits: ")]
+        assert len(notes) == is_noted
+        assert not notes or "% of the pixels lie at 0.1 or 0.3, where the disparities that were given end" in notes[0]
+
+
 def test_what_counts_as_noise_stays_within_given_limits():
     noise = np.random.default_rng(1).integers(0, 256, (40, 60, 1), np.uint8)
     views = np.stack([noise[:, at : at + 40] for at in range(5)])[np.newaxis]  # to the left by 1
