@@ -18,7 +18,7 @@ from ciir.bit_depth import count_unused_bits, raise_levels
 from ciir.errors import InvalidOption, TooLarge
 from ciir.renderer.focus.all_in_focus import focus_everywhere
 from ciir.renderer.focus.stereo.matching import match
-from ciir.renderer.focus.stereo.noise import estimate_noise
+from ciir.renderer.focus.stereo.noise import estimate_noise, measure_blur
 from ciir.renderer.focus.stereo.refinement import CLEAN, FIRST, LAST, refine, select_views
 from ciir.renderer.focus.stereo.search_range import LEAST_SIDE, ends_search, find_limits, find_reach
 from ciir.renderer.focus.stereo.sweep import Sweep, read_levels
@@ -166,7 +166,7 @@ def _estimate(
         blur, compared = min(noise / 11, 1.0), 4 if noise else 2
         sweep = Sweep(views, view, parts=parts, farthest=farthest, compared=compared, blur=blur, own=own)
         cost = sweep.compare(numbers)
-        mismatched.append(float((cost.min(axis=0) > MISMATCH * sweep.most_cost).mean()))
+        mismatched.append(_find_mismatched(cost, sweep.most_cost, measure_blur(blur) * deviation if noise else 0.0))
         window = 3
         if own is None:
             cost /= 1 + noise / 5  # so that neighbours count more
@@ -195,6 +195,12 @@ def _estimate(
         )
     disparity = disparity.astype(np.float32)
     return DisparityMap(view, disparity, confidence, planes, light_field.depth_sense, tuple(notes))
+
+
+def _find_mismatched(cost: NDArray[np.float32], most_cost: NDArray[np.float32], noise: float) -> float:
+    """The share of pixels that nothing fits. `noise`: of the pictures that were compared, its standard deviation."""
+    by_noise = 2 * 2**0.5 * noise  # of the two terms of a cost, each of differences of two pictures
+    return float((cost.min(axis=0) > np.hypot(MISMATCH * most_cost, by_noise)).mean())
 
 
 def note_reach(limits: tuple[float, float], size: tuple[int, int]) -> list[str]:

@@ -91,6 +91,17 @@ def test_what_fits_nowhere_is_noted():
     assert estimate_disparity(LightField(views)).notes == ()
 
 
+def test_noise_does_not_count_as_what_fits_nowhere():
+    views = make_light_field((9, 9))[0].views[..., :60, :]
+    order = np.random.default_rng(1).permutation(81)
+    shuffled = views.reshape(81, *views.shape[2:])[order].reshape(views.shape)
+    for shown, is_noted in ((128 + 0.3 * (views - 128.0), False), (shuffled, True)):
+        noise = np.random.default_rng(0).normal(0, 6, shown.shape)
+        noisy = LightField((shown + noise).clip(0, 255).round().astype(np.uint8))
+        notes = estimate_disparity(noisy, limits=(0, 2)).notes
+        assert any(note.startswith("nothing fits") for note in notes) == is_noted
+
+
 def test_disparities_at_the_end_of_the_search_are_noted():
     light_field = LightField(draw_layers(20), depth_sense="cameras")
     note = estimate_disparity(light_field).notes[0]
