@@ -101,15 +101,27 @@ def flip_axes(grid: NDArray[Any], axes: Flip, depth_sense: DepthSense) -> tuple[
 
 
 def advise_axes(shape: Sequence[int], name: str) -> str:
-    """The end of a message that asks for `(V, U, H, W, C)`: how to make it of an array `name` of `(V, U, C, H, W)`, of
-    `(C, V, U, H, W)` or of grey views `(V, U, H, W)`; what to do with one that may be an elemental image array.
+    """The end of a message that asks for `(V, U, H, W, C)`: how to make it of an array `name` of `(V, U, C, H, W)` or
+    `(C, V, U, H, W)`, also with the views' axes last, or of grey views `(V, U, H, W)`; what to do with one that may be
+    an elemental image array.
     """
-    if len(shape) == 5 and shape[4] > 4 >= shape[2]:
-        return f"; of (V, U, C, H, W), as in np.moveaxis({name}, 2, -1)"
-    if len(shape) == 5 and shape[0] in (1, 3) and max(shape[1:3]) < min(shape[3:]):
-        return f"; of (C, V, U, H, W), as in np.moveaxis({name}, 0, -1)"
+    if len(shape) == 5:
+        return _advise_five_axes(shape, name)
     if len(shape) == 4 and shape[3] > 4:
         return f"; of grey views (V, U, H, W), as in {name}[..., None]"
     if len(shape) == 2 or (len(shape) == 3 and shape[2] <= 4):
         return "; of an elemental image array, by LightField.from_eia"
+    return ""
+
+
+def _advise_five_axes(shape: Sequence[int], name: str) -> str:
+    """As `advise_axes`, of five axes: views have more pixels than there are views."""
+    if shape[0] in (1, 3) and min(shape[1:3]) > max(shape[3:]):
+        return f"; of (C, H, W, V, U), as in {name}.transpose(3, 4, 1, 2, 0)"
+    if shape[4] > 4 >= shape[2] and min(shape[:2]) > max(shape[3:]):
+        return f"; of (H, W, C, V, U), as in {name}.transpose(3, 4, 0, 1, 2)"
+    if shape[4] > 4 >= shape[2]:
+        return f"; of (V, U, C, H, W), as in np.moveaxis({name}, 2, -1)"
+    if shape[0] in (1, 3) and max(shape[1:3]) < min(shape[3:]):
+        return f"; of (C, V, U, H, W), as in np.moveaxis({name}, 0, -1)"
     return ""

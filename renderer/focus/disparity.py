@@ -18,7 +18,7 @@ from ciir.bit_depth import count_unused_bits, raise_levels
 from ciir.errors import InvalidOption, TooLarge
 from ciir.renderer.focus.all_in_focus import focus_everywhere
 from ciir.renderer.focus.stereo.matching import match
-from ciir.renderer.focus.stereo.noise import estimate_noise
+from ciir.renderer.focus.stereo.noise import estimate_noise, measure_blur
 from ciir.renderer.focus.stereo.refinement import CLEAN, FIRST, LAST, refine, select_views
 from ciir.renderer.focus.stereo.search_range import LEAST_SIDE, ends_search, find_limits, find_reach
 from ciir.renderer.focus.stereo.sweep import Sweep, read_levels
@@ -50,6 +50,8 @@ MISMATCH = 0.5
 """Share of the largest difference that counts from which nothing fits a pixel."""
 MOST_MISMATCHED = 0.4
 """Share of such pixels without a note: outlines and mirrors have them, and fine texture halfway between two planes."""
+MOST_AT_LIMITS = 0.2
+"""Share of pixels at a given limit without a note: a plain background may lie there."""
 MOVED = 0.3
 """Pixels a view by which the sides of an outline differ."""
 
@@ -71,7 +73,9 @@ class DisparityMap:
     depth_sense: DepthSense
     """Of the light field."""
     notes: tuple[str, ...] = ()
-    """Where the search for a range of disparities ended, and whether nothing fits much of the view."""
+    """Where the search for a range of disparities ended, and whether nothing fits much of the view, or much of it lies
+    at given limits.
+    """
 
     @property
     def hci(self) -> NDArray[np.float32]:
@@ -102,12 +106,14 @@ def estimate_disparity(
     limits: tuple[float, float] | None = None,
     beyond: float = 0.0,
     extra: Callable[[float], NDArray[np.float32]] | None = None,
+    clips: bool = True,
 ) -> DisparityMap:
     """The disparity of `view`, by default the centre one.
 
     `limits`: the least and the largest disparity in pixels a view, by default of `find_limits`. `beyond`: how
     far past the largest the same steps go on, as a share of the range, as long as `MOST_COSTS` allows. `extra`: what a
-    disparity costs each pixel beside what the views say, `(H, W)` in 8-bit levels.
+    disparity costs each pixel beside what the views say, `(H, W)` in 8-bit levels. `clips`: whether the map lies within
+    `limits`, which the planes may pass by a step.
 
     Other views then correct the map (`stereo.refinement`), of clean ones by less than a plane. Beyond noise of
     `UNNOTICED` all of them do, make the view itself almost free of noise, and outlines are looked for again in that, in
@@ -117,7 +123,8 @@ def estimate_disparity(
     not there, and for limits that are not in order or over the longer side of a view; `TooLarge` for more than
     `MOST_COSTS` pixels times disparities.
     """
-    return _estimate(_raise_levels(light_field), view, limits, beyond, extra)
+    found = _estimate(_raise_levels(light_field), view, limits, beyond, extra)
+    return _clip(found, limits) if clips and limits is not None else found
 
 
 def _estimate(
@@ -152,7 +159,6 @@ def _estimate(
     deviation = estimate_noise(read_levels(views[view]).transpose(1, 2, 0))
     noise = max(0.0, deviation - UNNOTICED)
     planes = np.array(numbers) / parts
-
     mismatched: list[float] = []
 
     def look(own: NDArray[np.float32] | None = None) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -160,7 +166,7 @@ def _estimate(
         blur, compared = min(noise / 11, 1.0), 4 if noise else 2
         sweep = Sweep(views, view, parts=parts, farthest=farthest, compared=compared, blur=blur, own=own)
         cost = sweep.compare(numbers)
-        mismatched.append(float((cost.min(axis=0) > MISMATCH * sweep.most_cost).mean()))
+        mismatched.append(_find_mismatched(cost, sweep.most_cost, measure_blur(blur) * deviation if noise else 0.0))
         window = 3
         if own is None:
             cost /= 1 + noise / 5  # so that neighbours count more
@@ -189,6 +195,12 @@ def _estimate(
         )
     disparity = disparity.astype(np.float32)
     return DisparityMap(view, disparity, confidence, planes, light_field.depth_sense, tuple(notes))
+
+
+def _find_mismatched(cost: NDArray[np.float32], most_cost: NDArray[np.float32], noise: float) -> float:
+    """The share of pixels that nothing fits. `noise`: of the pictures that were compared, its standard deviation."""
+    by_noise = 2 * 2**0.5 * noise  # of the two terms of a cost, each of differences of two pictures
+    return float((cost.min(axis=0) > np.hypot(MISMATCH * most_cost, by_noise)).mean())
 
 
 def note_reach(limits: tuple[float, float], size: tuple[int, int]) -> list[str]:
@@ -229,13 +241,27 @@ def estimate_disparities(
     """
     light_field = _raise_levels(light_field)
     notes: list[str] = []
-    if limits is None:
+    searched = limits
+    if searched is None:
         check_views(light_field.views)
-        limits = find_limits(light_field.views)
-        notes += note_reach(limits, light_field.views.shape[2:4])
+        searched = find_limits(light_field.views)
+        notes += note_reach(searched, light_field.views.shape[2:4])
     for view in parse_views("all", *light_field.views.shape[:2]) if views is None else views:
-        found = _estimate(light_field, view, limits)
+        found = _estimate(light_field, view, searched)
+        found = _clip(found, limits) if limits is not None else found
         yield replace(found, notes=(*notes, *found.notes))
+
+
+def _clip(found: DisparityMap, limits: tuple[float, float]) -> DisparityMap:
+    """The map within `limits`, which the planes may pass, with a note where much of it lies at one of them."""
+    low, high = limits
+    disparity = found.disparity.clip(low, high)
+    share = float(((found.disparity <= low) | (found.disparity >= high)).mean())
+    note = (
+        f"limits: {100 * share:.0f} % of the pixels lie at {low:g} or {high:g}, where the disparities that were given "
+        "end; give wider limits, if there are others"
+    )
+    return replace(found, disparity=disparity, notes=(*found.notes, *[note] * (share > MOST_AT_LIMITS)))
 
 
 def _raise_levels(light_field: LightField) -> LightField:

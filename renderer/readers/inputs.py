@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
-from ciir.errors import InputError, InvalidOption, TooLarge, Unreadable, UnsupportedType
+from ciir.errors import InvalidOption, Unreadable, UnsupportedType
 from ciir.renderer.placement import AS_GIVEN
 from ciir.renderer.readers import meshes
 from ciir.renderer.readers.containers import quilts
@@ -35,13 +34,14 @@ from ciir.renderer.readers.registry import (
     is_container,
     is_mesh,
     is_picture,
+    reported,
 )
 from ciir.renderer.readers.view_set import reader as view_set
 from ciir.renderer.readers.view_set.order import reorient, settle_order
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from ciir.renderer.displays.quilt import QuiltLayout, QuiltName
     from ciir.renderer.light_field import LightField
@@ -102,14 +102,13 @@ def open_input(
     if layout.lens_grid is None and found is not None and found[0] in (LYTRO, LYTRO_RAW):
         layout = replace(layout, lens_grid=Known())
     if layout.lens_grid is not None:
-        if found is not None and found[0].name in ARRAYS:
-            raise InvalidOption(f"lens_pitch: {name} is no picture; save a raw lenslet picture as PNG or TIFF")
-        if found is None or not isinstance(found[0], PictureFormat):
+        picture = find_picture(bundle)
+        if picture is None:
             raise InvalidOption(f"lens_pitch: this is for one raw lenslet picture, and {name} is none; leave it out")
         from ciir.renderer.readers.lenslet import reader
 
-        raw = reader.read(bundle, found[1], layout, layout.lens_grid)
-        return _note_left_out(settle_order(raw, layout, corrects=False), bundle, found[1])
+        raw = reader.read(bundle, picture[1], layout, layout.lens_grid)
+        return _note_left_out(settle_order(raw, layout, corrects=False), bundle, picture[1])
     if found is None:
         return view_set.read(bundle.files, name=name, layout=layout, limits=bundle.limits, views=views)
     format_, key = found
@@ -129,15 +128,15 @@ def _read_file(bundle: Bundle, format_: Format, key: str, layout: Layout) -> Lig
         is_array = format_.name in VIDEOS and light_field.depth_sense == "lenses"
         return settle_order(light_field, layout, corrects=not is_array)
     layout = eia.complete_layout(layout, bundle.files[key])
-    if format_ is ARRAY_PICTURE:
-        picture, notes = read_array_picture(bundle, key)
-        found = eia.read_pixels(picture, name=_name_main(bundle, key), layout=layout)
-        found = replace(found, notes=(*found.notes, *notes))
-    elif bundle.find_frames(key):
+    if bundle.find_frames(key):
         raise InvalidOption(
             f"lens_pitch: {clean_text(bundle.name)} holds a picture with white or dark frames, as raw lenslet pictures "
             "have; give their pitch in pixels, or auto"
         )
+    if format_ is ARRAY_PICTURE:
+        picture, notes = read_array_picture(bundle, key)
+        found = eia.read_pixels(picture, name=_name_main(bundle, key), layout=layout)
+        found = replace(found, notes=(*found.notes, *notes))
     elif (quilt := _find_quilt(bundle, key, layout)) is not None:
         return reorient(quilts.read(bundle, key, quilt), layout)
     else:
@@ -151,7 +150,7 @@ def read_array_picture(bundle: Bundle, key: str) -> tuple[Pixels, tuple[str, ...
     from ciir.renderer.readers.containers import array_pictures
 
     name = _name_main(bundle, key)
-    with _reported(name, ARRAY_PICTURE):
+    with reported(name, ARRAY_PICTURE):
         return array_pictures.read(bundle.files[key], name, bundle.limits)
 
 
@@ -199,6 +198,15 @@ def find_content(bundle: Bundle, layout: Layout) -> tuple[Format, str] | None:
     return None if found is None else (_refine(*found, bundle, layout), found[1])
 
 
+def find_picture(bundle: Bundle) -> tuple[PictureFormat, str] | None:
+    """As `find_main`, of a picture, or an array that is one, which may be a raw lenslet picture; None of others."""
+    found = find_main(bundle)
+    if found is None:
+        return None
+    format_ = _refine(*found, bundle, Layout()) if found[0].name in ARRAYS else found[0]
+    return (format_, found[1]) if isinstance(format_, PictureFormat) else None
+
+
 def find_main(bundle: Bundle) -> tuple[Format, str] | None:
     """The format and the key of the mesh, picture or container that `read` reads; None for a set of views.
 
@@ -229,13 +237,13 @@ def find_main(bundle: Bundle) -> tuple[Format, str] | None:
             f"{name}: tiles are written for viewers and not read again; write the light field as npz, or as any other "
             "container, too"
         )
-    containers = [key for key in names if is_container(key)] if len(views) <= 1 else []
+    pictures = [key for key in views if len(views) == 1 or PurePosixPath(key).stem.lower() not in FRAMES]
+    containers = [key for key in names if is_container(key)] if len(pictures) <= 1 else []
     if len(containers) > 1:
         raise Unreadable(
             f"{name}: holds {len(containers)} files that may be light fields ({_list_some(containers)}); give one of "
             "them"
         )
-    pictures = [key for key in views if len(views) == 1 or PurePosixPath(key).stem.lower() not in FRAMES]
     if containers:
         return identify(containers[0], bundle.files[containers[0]]), containers[0]
     _refuse_meshes(name, names, has_pictures=bool(views))
@@ -312,7 +320,7 @@ def _refine(format_: Format, key: str, bundle: Bundle, layout: Layout) -> Format
         from ciir.renderer.readers.containers import array_pictures
 
         name = _name_main(bundle, key)
-        with _reported(name, format_):
+        with reported(name, format_):
             is_one = array_pictures.is_picture(bundle.files[key], name, bundle.limits)
         return ARRAY_PICTURE if is_one else format_
     if format_.name == "PNG":
@@ -336,21 +344,6 @@ def _describe_others(names: list[str]) -> str:
     return f"no file of a type that is read among its {len(names)} ({listed})"
 
 
-@contextmanager
-def _reported(name: str, format_: Format) -> Iterator[None]:
-    """Reports whatever the library of a container's format raises as damage, and lack of memory as such."""
-    try:
-        yield
-    except InputError:
-        raise
-    except MemoryError as error:
-        raise TooLarge(f"{name}: reading it takes more memory than there is; give fewer or smaller views") from error
-    except Exception as error:
-        raise Unreadable(
-            f"{name}: damaged or cut off (while the views of the {format_.name} file were read); send the whole file"
-        ) from error
-
-
 def _read_quilt_frame(
     bundle: Bundle, key: str, format_: ContainerFormat, quilt: QuiltLayout | QuiltName, number: int
 ) -> LightField:
@@ -358,7 +351,7 @@ def _read_quilt_frame(
     from ciir.renderer.readers.containers import video
 
     name = _name_main(bundle, key)
-    with _reported(name, format_):
+    with reported(name, format_):
         frame = video.read_frame(bundle.files[key], number, name=name, limits=bundle.limits)
     found = quilts.read_pixels(frame, quilt, name=name)
     note = f"frame {number} of the video is read, a quilt as its name or the JSON beside it says; frame gives another"
@@ -368,7 +361,7 @@ def _read_quilt_frame(
 def _read_container(bundle: Bundle, key: str, format_: ContainerFormat, layout: Layout) -> LightField:
     name = _name_main(bundle, key)
     reader: ContainerReader = format_.load_reader()
-    with _reported(name, format_):
+    with reported(name, format_):
         light_field = reader(bundle.files[key], name=name, layout=layout, limits=bundle.limits)
     grid = light_field.views.shape[:2]
     if format_ is not ESLF and not {layout.pixels, layout.sequence} & {None, grid}:  # of ESLF they are under a lens

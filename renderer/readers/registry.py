@@ -6,16 +6,17 @@ To add a format, write one module with its reader and add one entry to `FORMATS`
 from __future__ import annotations
 
 import re
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any, Protocol
 
-from ciir.errors import Unreadable, UnsupportedType
+from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from ciir.renderer.light_field import LightField
     from ciir.renderer.limits import Limits
@@ -305,3 +306,18 @@ def _find_hdf5(data: bytes) -> bytes:
 
 def _is_text(data: bytes) -> bool:
     return b"\0" not in data[:65536]
+
+
+@contextmanager
+def reported(name: str, format_: Format) -> Iterator[None]:
+    """Reports whatever the library of a container's format raises as damage, and lack of memory as such."""
+    try:
+        yield
+    except InputError:
+        raise
+    except MemoryError as error:
+        raise TooLarge(f"{name}: reading it takes more memory than there is; give fewer or smaller views") from error
+    except Exception as error:
+        raise Unreadable(
+            f"{name}: damaged or cut off (while the views of the {format_.name} file were read); send the whole file"
+        ) from error

@@ -16,7 +16,7 @@ from ciir.renderer.readers.bundle import Bundle, read_file
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
 from ciir.renderer.readers.names import clean_text
-from ciir.renderer.readers.registry import LYTRO, LYTRO_RAW, MeshFormat, PictureFormat, is_picture
+from ciir.renderer.readers.registry import ARRAY_PICTURE, LYTRO, LYTRO_RAW, MeshFormat, is_picture
 from ciir.renderer.readers.view_set.order import ASKED, reorient, take_order
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.renderer.scene import Scene
@@ -77,7 +77,7 @@ def add_frames(source: Source, *, white: str | PathLike[str] | None, dark: str |
     for name, path in paths.items():
         if not is_picture(path.name):
             raise InvalidOption(f"{name}: {path} is no picture; give one as large as the raw picture, such as a PNG")
-    if not isinstance(source, Bundle) or source.main is None or not is_picture(source.main):
+    if not isinstance(source, Bundle) or source.main is None or not (is_picture(source.main) or _is_array(source.main)):
         raise InvalidOption(
             f"{', '.join(paths)}: frames go with one raw lenslet picture; give that as the input, with its suffix, "
             "such as .png"
@@ -94,11 +94,10 @@ def draw_grid_at(source: Source, options: Options, path: str | PathLike[str]) ->
     place = read_path(path, "show_grid")
     if place.suffix.lower() != ".png":
         raise InvalidOption(f"show_grid: {str(path)!r} doesn't end with .png, and a PNG is written; rename it")
-    from ciir.renderer.readers.inputs import find_main
+    from ciir.renderer.readers.inputs import find_picture
 
-    found = find_main(source) if isinstance(source, Bundle) else None
-    kind = None if found is None else found[0]
-    is_raw = kind in (LYTRO, LYTRO_RAW) or (options.known_grid is not None and isinstance(kind, PictureFormat))
+    found = find_picture(source) if isinstance(source, Bundle) else None
+    is_raw = found is not None and (found[0] in (LYTRO, LYTRO_RAW) or options.known_grid is not None)
     if not isinstance(source, Bundle) or not is_raw:
         raise InvalidOption("show_grid: this is for a raw lenslet picture; give one, with lens_pitch")
 
@@ -109,6 +108,11 @@ def draw_grid_at(source: Source, options: Options, path: str | PathLike[str]) ->
             file.write(encode_png(drawn))
 
     return replace(source, keep_grid=keep)
+
+
+def _is_array(name: str) -> bool:
+    """Whether `name` has the suffix of a format of arrays, which may hold a picture."""
+    return Path(name).suffix.lower() in ARRAY_PICTURE.suffixes
 
 
 class Input:

@@ -127,7 +127,7 @@ def make_model(
         # Something nearer would hide what the centre view sees, but it hides what is farther.
         beyond = FARTHER if has_background and limits else 0.0
         searched = limits or find_limits(field.views, corners=False)
-        mapped = estimate_disparity(field, view, limits=searched, beyond=beyond, extra=extra)
+        mapped = estimate_disparity(field, view, limits=searched, beyond=beyond, extra=extra, clips=False)
         if limits is None:
             notes = (*note_reach(searched, (rows, cols)), *mapped.notes)
         limits = limits or (float(mapped.planes[0]), float(mapped.planes[-1]))

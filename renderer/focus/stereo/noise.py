@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,3 +23,10 @@ def estimate_noise(picture: NDArray[Any]) -> float:
     """
     changes = np.abs(ndimage.convolve(picture.astype(np.float32), _LAPLACIANS[..., np.newaxis], mode="mirror"))
     return float(np.quantile(changes, 0.25)) / (6 * 0.3186)
+
+
+def measure_blur(deviation: float) -> float:
+    """The share of its noise that a picture keeps under a Gaussian of that standard deviation, in pixels."""
+    impulse = np.zeros(2 * math.ceil(4 * deviation) + 1)
+    impulse[len(impulse) // 2] = 1
+    return float(np.square(ndimage.gaussian_filter1d(impulse, deviation)).sum()) if deviation else 1.0

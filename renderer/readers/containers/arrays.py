@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ciir.errors import InvalidOption, Unreadable, UnsupportedType
+from ciir.errors import Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.containers.samples import (
     Header,
@@ -103,15 +103,7 @@ def read_npy(data: bytes, *, name: str, layout: Layout, limits: Limits) -> Light
 
 def _read_array(array: Array, stated: object, name: str, layout: Layout, limits: Limits) -> LightField:
     """Five axes as they are; four, or three of grey views, whose first one counts the views, as a grid of these."""
-    shape, notes = settle_axes(array.shape, layout, name)
-    if array.is_grey and shape[1] in (1, 3):
-        count, channels = shape[:2]
-        colours = "3 colours" if channels == 3 else "one channel"
-        advice = f"{count}x{channels} grey views; if they are {count} views of {colours}, (N, {channels}, H, W), save "
-        advice += f"np.moveaxis(array, 1, -1), (N, H, W, {channels})"
-        if layout.pixels and count == math.prod(layout.pixels) and (count, channels) != layout.pixels:
-            raise InvalidOption(f"pixels: {name} has {advice}")
-        notes = (f"axes: {advice}",)
+    shape, notes = settle_axes(array.shape[:4] if array.is_grey else array.shape, layout, name)
     check_array(name, shape, array.dtype, limits)
     made = _make_light_field(array.read().reshape(shape), stated, name, layout)
     return replace(made, notes=notes + made.notes)

@@ -85,18 +85,45 @@ def settle_grid(
 
 def settle_axes(shape: Sequence[int], layout: Layout, name: str) -> tuple[tuple[int, ...], tuple[str, ...]]:
     """`(V, U, H, W, C)` of a file's array: of `(V, U, H, W)`, and of views one after another, `(N, H, W, C)` with up to
-    four channels and `(N, H, W)`, as the grid that `settle_grid` finds, with its notes. Others are left as they are.
+    four channels and `(N, H, W)`, as the grid that `settle_grid` finds, with its notes. Others are left as they are,
+    those that may have other axes with a note.
+
+    Raises `InvalidOption` where `layout.pixels` say that they have.
     """
     shape = tuple(shape)
     if shape[:1] > (0,) and ((len(shape) == 4 and shape[3] <= 4) or (len(shape) == 3 and shape[2] > 4)):
         grid, notes = settle_grid(shape[0], layout, name, "views", advice=_advise_views_last(shape, layout))
         return (*grid, *shape[1:3], *(shape[3:] or (1,))), notes
-    return ((*shape, 1) if len(shape) == 4 else shape), ()
+    if len(shape) == 4:
+        return (*shape, 1), _note_colours(shape, layout, name)
+    is_reversed = len(shape) == 5 and shape[0] in (1, 3) and max(shape[3:]) <= 4 < min(shape[1:3])
+    note = "axes: {}x{} views of {}x{} pixels; if the array is (C, H, W, V, U), save array.transpose(3, 4, 1, 2, 0)"
+    return shape, (note.format(*shape),) if is_reversed else ()
+
+
+def _note_colours(shape: Sequence[int], layout: Layout, name: str) -> tuple[str, ...]:
+    """A note on grey views `(V, U, H, W)` that may be `(N, 3, H, W)` or `(N, 1, H, W)`."""
+    count, channels = shape[:2]
+    if channels not in (1, 3):
+        return ()
+    colours = "3 colours" if channels == 3 else "one channel"
+    advice = f"{count}x{channels} grey views; if they are {count} views of {colours}, (N, {channels}, H, W), save "
+    advice += f"np.moveaxis(array, 1, -1), (N, H, W, {channels})"
+    if layout.pixels and count == math.prod(layout.pixels) and (count, channels) != layout.pixels:
+        raise InvalidOption(f"pixels: {name} has {advice}")
+    return (f"axes: {advice}",)
 
 
 def _advise_views_last(shape: Sequence[int], layout: Layout) -> str:
-    """The end of a message on `(N, H, W)` or `(N, H, W, C)` that may be `(H, W, N)` or `(H, W, N, C)`; else empty."""
+    """The end of a message on `(N, H, W)` or `(N, H, W, C)` that may be `(H, W, N)`, `(H, W, N, C)` or, with views of
+    few columns, `(H, W, V, U)`; else empty.
+    """
     rows, columns, count = shape[:3]
+    if len(shape) == 4 and count <= max(4, min(rows, columns) // 4):
+        return (
+            f"; if they are {count}x{shape[3]} grey views of {rows}x{columns} pixels, (H, W, V, U), save "
+            "array.transpose(2, 3, 0, 1)"
+        )
     asked = math.prod(layout.pixels) if layout.pixels else math.isqrt(count) ** 2
     if asked != count or min(rows, columns) <= count:
         return ""

@@ -69,6 +69,7 @@ def calibrate(
     known: Known = Known(),  # noqa: B008 - it is frozen
     *,
     name: str = "picture",
+    is_white: bool = False,
 ) -> Calibration:
     """The lens grid of a raw lenslet picture, or of a white one, `(H, W, C)`.
 
@@ -77,9 +78,9 @@ def calibrate(
     lenses. A square grid looks the same every 90 degrees of rotation, a hexagonal one every 60: the least is found,
     with rows or with columns.
 
-    Raises `Unreadable` where the picture shows no grid, or more than one. `name` is for messages.
+    Raises `Unreadable` where the picture shows no grid, or more than one. `name` and `is_white` are for messages.
     """
-    found = _find_grid(picture, known, name)
+    found = _find_grid(picture, known, name, is_white=is_white)
     if found is not None:
         return found
     given = "" if known.pitch is None else f" of {known.pitch:g} pixels' pitch"
@@ -96,26 +97,29 @@ def calibrate(
         )
     raise NoGrid(
         f"{name}: shows no lens grid{given} by itself: lenses must darken towards their borders, and each side have "
-        f"at least {LEAST_LENSES}; give a white picture, or lens_pitch, lens_offset, lens_rotation and lens_grid"
+        f"at least {LEAST_LENSES}; give {'' if is_white else 'a white picture, or '}lens_pitch, lens_offset, "
+        "lens_rotation and lens_grid"
     )
 
 
-def _find_grid(picture: NDArray[np.uint8] | NDArray[np.uint16], known: Known, name: str) -> Calibration | None:
+def _find_grid(
+    picture: NDArray[np.uint8] | NDArray[np.uint16], known: Known, name: str, *, is_white: bool = False
+) -> Calibration | None:
     """The grid that `calibrate` finds; None where the picture shows none."""
     if known.shape == "hexagonal-columns":
-        found = _find_grid(picture.swapaxes(0, 1), known.transpose(), name)
+        found = _find_grid(picture.swapaxes(0, 1), known.transpose(), name, is_white=is_white)
         return None if found is None else replace(found, in_columns=True)
     if known.pitch is not None and known.offset is not None and known.rotation is not None and known.shape is not None:
         return Calibration(LensGrid(known.pitch, known.offset, known.rotation, known.shape, known.stretch))
     luma = scale_luma(picture)
     for cue in get_args(Cue):
-        estimate = _estimate(luma, cue, known, name)
+        estimate = _estimate(luma, cue, known, name, is_white=is_white)
         if estimate is None:
             continue
         if estimate.shape == "hexagonal" and known.rotation is None and abs(estimate.rotation) > _MOST_TURNED:
             if known.shape is not None:  # it isn't the one that was asked for, or has neither rows nor columns
                 return None
-            return _find_grid(picture, replace(known, shape="hexagonal-columns"), name)
+            return _find_grid(picture, replace(known, shape="hexagonal-columns"), name, is_white=is_white)
         found = _refine(luma, cue, estimate, known)
         if found is None:
             continue
@@ -151,7 +155,9 @@ def detect_grid(picture: NDArray[np.uint8] | NDArray[np.uint16], about: int) -> 
     return replace(found.grid, offset=(y + top, x + left))
 
 
-def _estimate(luma: NDArray[np.float32], cue: Cue, known: Known, name: str) -> Estimate | None:
+def _estimate(
+    luma: NDArray[np.float32], cue: Cue, known: Known, name: str, *, is_white: bool = False
+) -> Estimate | None:
     shapes: tuple[Shape, ...] = get_args(Shape) if known.shape is None else (known.shape,)
     found = estimate_grids(show_periods(luma, cue), shapes, pitch=known.pitch, rotation=known.rotation)
     best = max(found.values(), default=None)
@@ -161,7 +167,7 @@ def _estimate(luma: NDArray[np.float32], cue: Cue, known: Known, name: str) -> E
         if other.shape != best.shape and other.contrast > _DISTINCT * best.contrast:
             raise Unreadable(
                 f"{name}: a {best.shape} grid with a pitch of {best.pitch:.2f} pixels and a {other.shape} one with "
-                f"{other.pitch:.2f} fit nearly as well; give lens_grid, or a white picture"
+                f"{other.pitch:.2f} fit nearly as well; give lens_grid{'' if is_white else ', or a white picture'}"
             )
     return best
 

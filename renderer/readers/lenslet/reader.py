@@ -10,6 +10,7 @@ import numpy as np
 from ciir.errors import InvalidOption, TooLarge, Unreadable
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures
+from ciir.renderer.readers.containers import array_pictures
 from ciir.renderer.readers.eia.period import Periods
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.lenslet.calibration import Calibration, NoGrid, calibrate, detect_grid
@@ -19,6 +20,7 @@ from ciir.renderer.readers.lenslet.grid import Known
 from ciir.renderer.readers.lenslet.resampling import fit_pixels, resample_views
 from ciir.renderer.readers.lytro.metadata import find_camera
 from ciir.renderer.readers.names import clean_text
+from ciir.renderer.readers.registry import ARRAY_PICTURE, ContainerFormat, identify, reported
 
 if TYPE_CHECKING:
     from ciir.renderer.readers.bundle import Bundle
@@ -45,6 +47,8 @@ class _Raw:
     is_lytro: bool
     difference: str
     """A note where a quick look finds other lenses than those that were given; empty where they are the same."""
+    rounded: tuple[str, ...]
+    """A note where the picture is an array of floating-point numbers."""
 
 
 def read(bundle: Bundle, key: str, layout: Layout, known: Known) -> LightField:
@@ -97,6 +101,7 @@ def read(bundle: Bundle, key: str, layout: Layout, known: Known) -> LightField:
         notes.append("views of pixels at lenses' borders stay as dark as these are: there was no white picture")
     if grid.shape == "hexagonal":
         notes.append(f"the hexagonal grid was resampled to {views.shape[2]}x{views.shape[3]} pixels of a square one")
+    notes += raw.rounded
     sense: DepthSense = "cameras" if raw.is_lytro else "lenses"
     return LightField(views, tuple(notes), depth_sense=sense, lens_pitch=grid.pitch)
 
@@ -108,8 +113,13 @@ def find_grid(bundle: Bundle, key: str, known: Known) -> Calibration:
 
 def _load(bundle: Bundle, key: str, known: Known) -> _Raw:
     name = clean_text(bundle.name)
-    picture = pictures.decode(bundle.files[key], name=name, max_pixels=bundle.limits.pixels)
-    frames = {which: _decode_frame(bundle, frame, picture, which) for which, frame in bundle.find_frames(key).items()}
+    if isinstance(identify(key, bundle.files[key]), ContainerFormat):
+        with reported(name, ARRAY_PICTURE):
+            picture, rounded = array_pictures.read(bundle.files[key], name, bundle.limits)
+    else:
+        picture, rounded = pictures.decode(bundle.files[key], name=name, max_pixels=bundle.limits.pixels), ()
+    keys = bundle.find_frames(key)
+    frames = {which: _decode_frame(bundle, frame, picture, which, "dark" in keys) for which, frame in keys.items()}
     white, dark = frames.get("white"), frames.get("dark")
     if dark is not None:
         picture = subtract_dark(picture, dark)
@@ -117,7 +127,7 @@ def _load(bundle: Bundle, key: str, known: Known) -> _Raw:
     camera = find_camera(bundle.files[key], name)
     shown = picture if white is None else white
     try:
-        calibration = _calibrate(shown, known, camera, name)
+        calibration = _calibrate(shown, known, camera, name, is_white=white is not None)
     except NoGrid as error:
         if frames or camera is not None:
             raise
@@ -127,7 +137,7 @@ def _load(bundle: Bundle, key: str, known: Known) -> _Raw:
         picture = divide_by_white(picture, white)
     if calibration.in_columns:
         picture = picture.swapaxes(0, 1)
-    return _Raw(picture, calibration, has_white=white is not None, is_lytro=camera is not None, difference=difference)
+    return _Raw(picture, calibration, white is not None, camera is not None, difference, rounded)
 
 
 def _describe_elemental_images(picture: Pixels) -> str:
@@ -166,21 +176,25 @@ def _describe_difference(picture: Pixels, known: Known, taken: Calibration) -> s
     )
 
 
-def _calibrate(picture: Pixels, known: Known, camera: Camera | None, name: str) -> Calibration:
+def _calibrate(picture: Pixels, known: Known, camera: Camera | None, name: str, *, is_white: bool) -> Calibration:
     """The grid that `picture` shows; where it shows none and nothing is known, that of the metadata of a `camera`."""
     if camera is None or known != Known():
-        return calibrate(picture, known, name=name)
+        return calibrate(picture, known, name=name, is_white=is_white)
     try:
-        return calibrate(picture, camera.known, name=name)
+        return calibrate(picture, camera.known, name=name, is_white=is_white)
     except Unreadable:
         if camera.grid is None:
             raise
         return Calibration(camera.grid, in_columns=camera.known.shape == "hexagonal-columns")
 
 
-def _decode_frame(bundle: Bundle, key: str, picture: Pixels, which: str) -> Pixels:
+def _decode_frame(bundle: Bundle, key: str, picture: Pixels, which: str, has_dark: bool) -> Pixels:
+    """The frame `which` of `picture`.
+
+    A white one may have other bits, since only its ratios count, unless a dark one is subtracted from it.
+    """
     frame = pictures.decode(bundle.files[key], name=f"{which} picture", max_pixels=bundle.limits.pixels)
-    if frame.shape != picture.shape or frame.dtype != picture.dtype:
+    if frame.shape != picture.shape or (has_dark and frame.dtype != picture.dtype):
         given, needed = (
             f"{shown.shape[0]}x{shown.shape[1]} pixels of {shown.shape[2]} channels, {shown.dtype.itemsize * 8} bit"
             for shown in (frame, picture)

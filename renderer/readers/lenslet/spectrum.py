@@ -22,6 +22,7 @@ LEAST_LENSES = 8
 _PEAKS = 400  # the scene's texture makes peaks too
 _BACKGROUND = 31  # bins: a texture's spectrum is smooth over them, a spot is 3 bins wide
 _CEILING = 8.0  # of one spot, because a grid has all of them
+_FLOOR = 1e-5  # of the highest power: in clean pictures rounding, which has the period of pitch and pixels, is below
 _NOISE, _SAME = 2.0, 0.75  # contrast where there is no grid; share of a grid's own that others may have
 _H = 2 / 3**0.5
 SPOTS: dict[Shape, NDArray[np.float64]] = {
@@ -60,7 +61,7 @@ def estimate_grids(
     part = signal[top : top + height, left : left + width]
     window = np.hanning(height)[:, None] * np.hanning(width)[None]
     spectrum = fft.fftshift(fft.fft2(((part - part.mean()) * window).astype(np.float32), workers=1))
-    logs = np.log(np.abs(spectrum) ** 2 + 1e-12 * np.abs(spectrum).max() ** 2 + 1e-30)
+    logs = np.log(np.abs(spectrum) ** 2 + _FLOOR * np.abs(spectrum).max() ** 2 + 1e-30)
     contrast = logs - ndimage.uniform_filter(logs, _BACKGROUND, mode="nearest")
     near = ndimage.maximum_filter(contrast, 3)
     longest = min(MOST_PITCH, min(height, width) / LEAST_LENSES)

@@ -69,10 +69,9 @@ def _find_candidates(
     periods = Periods(picture)
     sizes = periods.rank_sizes()
     is_lytro = format_ in (LYTRO, LYTRO_RAW)
-    may_be_raw = format_ is not ARRAY_PICTURE  # whose lens grid isn't read
-    is_raw = may_be_raw and (options.known_grid is not None or is_lytro or bool(bundle.find_frames(key)))
+    is_raw = options.known_grid is not None or is_lytro or bool(bundle.find_frames(key))
     candidates = []
-    if is_raw or (may_be_raw and detect_grid(picture, sizes[0][0] if sizes else USUAL_PIXELS) is not None):
+    if is_raw or detect_grid(picture, sizes[0][0] if sizes else USUAL_PIXELS) is not None:
         try:
             grid = find_grid(bundle, key, options.known_grid or Known())
         except (Unreadable, InvalidOption):  # the whole picture shows none

@@ -38,7 +38,7 @@ def _find_picture(given: Input, options: Options) -> tuple[PictureFormat, str] |
     if bundle is None or options.lenses is not None or (options.pixels is not None and options.known_grid is None):
         return None
     is_raw = options.known_grid is not None
-    found = inputs.find_main(bundle) if is_raw else inputs.find_content(bundle, make_layout(options))
+    found = inputs.find_picture(bundle) if is_raw else inputs.find_content(bundle, make_layout(options))
     if found is None or not isinstance(found[0], PictureFormat):
         return None
     return None if not is_raw and inputs.holds_views(bundle, make_layout(options)) else (found[0], found[1])

@@ -181,6 +181,6 @@ def lytro(edits: bytes = b"") -> list[bytes]:
 def lenslets() -> list[bytes]:
     """White lenses 7.5 pixels apart with dark borders, for each given part of the grid (`readers.lenslet`)."""
     y, x = np.mgrid[0:80, 0:80]
-    picture = 200 * (np.cos(2 * np.pi * (y - 4) / 7.5) + np.cos(2 * np.pi * (x - 4) / 7.5) + 3) / 5
+    picture = 200 * ((np.cos(2 * np.pi * (y - 4) / 7.5) + np.cos(2 * np.pi * (x - 4) / 7.5) + 3) / 5) ** 2
     given = [(0, 0, 0, 0, 0), (6, 0, 0, 0, 0), (6, 8, 8, 128, 1)]
     return [bytes([79, 79, *known]) + picture.astype(np.uint8).tobytes() for known in given]

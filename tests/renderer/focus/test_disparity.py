@@ -91,6 +91,17 @@ def test_what_fits_nowhere_is_noted():
     assert estimate_disparity(LightField(views)).notes == ()
 
 
+def test_noise_does_not_count_as_what_fits_nowhere():
+    views = make_light_field((9, 9))[0].views[..., :60, :]
+    order = np.random.default_rng(1).permutation(81)
+    shuffled = views.reshape(81, *views.shape[2:])[order].reshape(views.shape)
+    for shown, is_noted in ((128 + 0.3 * (views - 128.0), False), (shuffled, True)):
+        noise = np.random.default_rng(0).normal(0, 6, shown.shape)
+        noisy = LightField((shown + noise).clip(0, 255).round().astype(np.uint8))
+        notes = estimate_disparity(noisy, limits=(0, 2)).notes
+        assert any(note.startswith("nothing fits") for note in notes) == is_noted
+
+
 def test_disparities_at_the_end_of_the_search_are_noted():
     light_field = LightField(draw_layers(20), depth_sense="cameras")
     note = estimate_disparity(light_field).notes[0]
@@ -112,6 +123,18 @@ def test_another_view_and_given_limits():
     for other in ([0, 4], np.array([0, 4])):
         np.testing.assert_array_equal(light_field.disparity(other, limits=(0, 2)).disparity, found.disparity)
     assert (found.disparity.dtype, found.confidence.dtype) == (np.float32, np.float32)
+
+
+@pytest.mark.parametrize(("limits", "is_noted"), [((0.35, 1.65), False), ((0.1, 0.3), True), ((-0.2, 0.42), False)])
+def test_a_map_lies_within_given_limits(limits, is_noted):
+    """Planes are a quarter apart."""
+    light_field, _ = make_light_field()
+    for found in (light_field.disparity(limits=limits), *light_field.disparities([(2, 2)], limits=limits)):
+        assert limits[0] <= found.disparity.min()
+        assert found.disparity.max() <= limits[1]
+        notes = [note for note in found.notes if note.startswith("limits: ")]
+        assert len(notes) == is_noted
+        assert not notes or "% of the pixels lie at 0.1 or 0.3, where the disparities that were given end" in notes[0]
 
 
 def test_what_counts_as_noise_stays_within_given_limits():

@@ -6,6 +6,7 @@ from ciir.renderer.focus.model import Model, encode_model
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.shading import encode_srgb
 
 LEVELS = np.arange(256, dtype=np.uint8)
 
@@ -29,7 +30,8 @@ def test_models_come_back_with_their_colours_unlit(model, suffix):
     (part,) = scene.parts
     assert not scene.notes
     assert part.vertices[part.faces] == pytest.approx(model.vertices[model.faces], abs=1e-6)
-    assert (np.rint(255 * part.colors[part.faces][..., :3]) == model.colors[model.faces]).all()
+    colors = encode_srgb(part.colors) if part.is_linear else part.colors
+    assert (np.rint(255 * colors[part.faces][..., :3]) == model.colors[model.faces]).all()
 
 
 def test_points_alone_are_refused_when_they_are_read(model):

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
+from scipy import ndimage
 
-from ciir.renderer.focus.stereo.noise import estimate_noise
+from ciir.renderer.focus.stereo.noise import estimate_noise, measure_blur
 
 
 @pytest.mark.parametrize("noise", [2, 10])
@@ -20,3 +21,9 @@ def test_noise_is_found_beside_edges(sigma, dtype):
     view += sigma * np.random.default_rng(7).standard_normal(view.shape)
     view = (view.clip(0, 255) * (np.iinfo(dtype).max / 255)).round().astype(dtype)
     assert estimate_noise(view) * 255 / np.iinfo(dtype).max == pytest.approx(sigma, rel=0.05, abs=0.1)
+
+
+@pytest.mark.parametrize("deviation", [0, 0.3, 1])
+def test_what_a_blur_leaves_of_noise(deviation):
+    noise = np.random.default_rng(0).standard_normal((300, 300))
+    assert ndimage.gaussian_filter(noise, deviation).std() == pytest.approx(measure_blur(deviation), rel=0.02)

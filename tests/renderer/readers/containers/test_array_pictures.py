@@ -262,8 +262,10 @@ def test_arrays_of_too_many_bytes(array, kind):
 
 
 def test_an_array_beside_a_white_picture(array):
-    bundle = Bundle("folder", None, {"eia.npz": save_npz(eia=array), "white.png": encode_png(array)})
-    assert inspect(bundle, Options())["kind"] in ("eia", "picture")
+    """It is a raw lenslet picture, as the same in PNG is."""
+    for picture in ({"eia.npz": save_npz(eia=array)}, {"eia.png": encode_png(array)}):
+        with pytest.raises(Unreadable, match=r"^folder: shows no lens grid by itself"):
+            inspect(Bundle("folder", None, picture | {"white.png": encode_png(array)}), Options())
 
 
 def test_what_else_hdf5_holds(array):
@@ -325,9 +327,10 @@ def test_small_arrays_are_no_pictures(kind, small):
         read(save(camera=small), name, pixels=(3, 3))
 
 
-def test_a_raw_lenslet_picture_is_no_array(array):
-    with pytest.raises(InvalidOption, match=r"lens_pitch: a.npz is no picture; save a raw lenslet picture as PNG"):
-        read(save_npz(eia=array), "a.npz", lens_grid=Known())
+def test_only_a_picture_is_a_raw_lenslet_picture():
+    views = np.zeros((3, 3, 20, 30, 3), np.uint8)
+    with pytest.raises(InvalidOption, match=r"lens_pitch: this is for one raw lenslet picture, and a\.npz is none"):
+        read(save_npz(LF=views), "a.npz", lens_grid=Known())
 
 
 def test_only_a_picture_file_is_a_quilt_by_its_name(array):

@@ -294,6 +294,21 @@ def test_a_bomb_is_not_unpacked():
         read(file.getvalue(), "npz")
 
 
+@pytest.mark.parametrize(
+    ("shape", "advice"),
+    [
+        ((36, 52, 3, 3), "if they are 3x3 grey views of 36x52 pixels, (H, W, V, U), save array.transpose(2, 3, 0, 1)"),
+        ((36, 52, 5, 3), "if they are 5x3 grey views of 36x52 pixels, (H, W, V, U), save array.transpose(2, 3, 0, 1)"),
+        ((3, 36, 52, 3, 3), "if the array is (C, H, W, V, U), save array.transpose(3, 4, 1, 2, 0)"),
+        ((36, 52, 12, 3), None),
+        ((1, 36, 52, 40, 3), None),
+    ],
+)
+def test_few_columns_of_views_behind_pixels_are_noted(shape, advice):
+    notes = "; ".join(read(saved(np.zeros(shape, np.uint8))).notes)
+    assert advice in notes if advice else "transpose" not in notes
+
+
 def test_colours_before_rows_are_noted(tmp_path):
     """PyTorch's (N, 3, H, W) has the shape of Nx3 grey views; 5 axes say what they are."""
     for shape, is_noted in (((9, 3, 16, 20), True), ((9, 2, 16, 20), False), ((9, 3, 16, 20, 1), False)):
@@ -311,6 +326,8 @@ def test_colours_before_rows_are_noted(tmp_path):
     [
         ((3, 4, 3, 16, 20), "; of (V, U, C, H, W), as in np.moveaxis({}, 2, -1)"),
         ((3, 9, 9, 16, 20), "; of (C, V, U, H, W), as in np.moveaxis({}, 0, -1)"),
+        ((16, 20, 3, 4, 5), "; of (H, W, C, V, U), as in {}.transpose(3, 4, 0, 1, 2)"),
+        ((3, 16, 20, 4, 5), "; of (C, H, W, V, U), as in {}.transpose(3, 4, 1, 2, 0)"),
         ((3, 4, 16, 20, 5), ", 1 to 4 channels"),
     ],
 )

@@ -7,9 +7,10 @@ import pytest
 from PIL import Image
 
 from ciir.errors import Unreadable
+from ciir.renderer.readers.lenslet import calibration
 from ciir.renderer.readers.lenslet.calibration import Calibration, calibrate
 from ciir.renderer.readers.lenslet.grid import Known, LensGrid
-from tests.support.lenslet.camera import make_camera, take_picture
+from tests.support.lenslet.camera import dim, make_camera, take_picture
 from tests.support.lenslet.trials import measure_errors, measure_loss
 from tests.support.paths import SHARED
 
@@ -49,6 +50,28 @@ def test_a_white_picture_is_calibrated(shape):
     over_all, offset = measure_errors(calibrate(take_picture(camera, white=True)).grid, camera.grid, SIZE)
     assert over_all <= 0.01
     assert offset <= 0.01
+
+
+@pytest.mark.parametrize(
+    ("pitch", "shape"), [(9.5, "square"), (7.25, "square"), (10.0, "hexagonal"), (13.0, "hexagonal")]
+)
+def test_a_white_picture_without_noise_is_calibrated(pitch, shape):
+    """Lenses look the same again after a few of them, whose centres lie at whole pixels."""
+    grid = LensGrid(pitch, (5.3, 8.8), 0.0, shape)
+    points = np.stack(np.indices((240, 250)), axis=-1)
+    light = dim(grid, points - grid.find_centers(*grid.find_nearest(points)))
+    found = calibrate(np.rint(60_000 * light[..., np.newaxis]).astype(np.uint16)).grid
+    assert (found.pitch, found.shape) == (pytest.approx(pitch, abs=0.01), shape)
+
+
+def test_a_white_picture_is_no_remedy_for_a_white_picture(monkeypatch):
+    with pytest.raises(Unreadable, match=r"and each side have at least 8; give lens_pitch, lens_offset, lens_rotation"):
+        calibrate(np.full((90, 90, 1), 200, np.uint8), is_white=True)
+    monkeypatch.setattr(calibration, "_DISTINCT", 0)
+    with pytest.raises(Unreadable, match=r"fit nearly as well; give lens_grid, or a white picture$"):
+        calibrate(take("square")[1])
+    with pytest.raises(Unreadable, match=r"fit nearly as well; give lens_grid$"):
+        calibrate(take("square")[1], is_white=True)
 
 
 def test_an_object_before_black_is_calibrated():

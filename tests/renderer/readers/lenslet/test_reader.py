@@ -1,5 +1,6 @@
 """Raw lenslet pictures as inputs: with frames, with a part of the grid given, and what is refused."""
 
+import io
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 import ciir
 from ciir.errors import InvalidOption, TooLarge, Unreadable
+from ciir.renderer.levels import ROUNDED
 from ciir.renderer.limits import Limits
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.inputs import find_main, read
@@ -83,6 +85,11 @@ def test_the_grid_is_found_in_the_white_picture():
     assert float(found.notes[0].split("pitch ")[1].split()[0]) == pytest.approx(KNOWN.pitch, abs=0.003)
 
 
+def test_a_white_picture_without_a_grid_is_refused_as_one():
+    with pytest.raises(Unreadable, match=r"at least 8; give lens_pitch, lens_offset, lens_rotation and lens_grid$"):
+        read(make_bundle(raw=RAW, white=np.full_like(RAW, 200)), Layout(lens_grid=Known()))
+
+
 def test_a_hexagonal_grid_is_resampled_with_a_note():
     known = Known(9.3, (4.2, 5.1), 0.5, "hexagonal")
     notes = read(make_bundle(raw=RAW), Layout(lens_grid=known)).notes
@@ -156,6 +163,34 @@ def test_an_elemental_image_array_without_a_grid_of_lenses_is_called_one(scene, 
 def test_what_does_not_fit_is_refused(files, layout, message):
     with pytest.raises(InvalidOption, match=message):
         read(make_bundle(**files), Layout(lens_grid=KNOWN, **layout))
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.float32])
+def test_an_array_is_read_as_the_same_picture_in_png(dtype):
+    file = io.BytesIO()
+    np.save(file, RAW if dtype == np.uint8 else (RAW / 255).astype(dtype))
+    picture, white, dark = (
+        shown if dtype == np.uint8 else shown.astype(np.uint16) * 257 for shown in (RAW, WHITE, DARK)
+    )
+    for frames in ({}, {"white": WHITE}, {"white": white, "dark": dark}):
+        files = {f"{name}.png": encode_png(frame) for name, frame in frames.items()}
+        found = read(
+            Bundle("a", None if files else "raw.npy", {"raw.npy": file.getvalue()} | files), Layout(lens_grid=KNOWN)
+        )
+        expected = read(make_bundle(raw=picture, **frames), Layout(lens_grid=KNOWN))
+        assert np.array_equal(found.views, expected.views)
+        assert found.notes == expected.notes + ((ROUNDED,) if dtype != np.uint8 else ())
+    with pytest.raises(InvalidOption, match="holds a picture with white or dark frames"):
+        read(Bundle("a", None, {"raw.npy": file.getvalue(), "white.png": encode_png(WHITE)}), Layout(pixels=(3, 3)))
+
+
+def test_a_white_picture_may_have_other_bits():
+    for picture, white in ((RAW.astype(np.uint16) * 257, WHITE), (RAW, WHITE.astype(np.uint16) * 257)):
+        same = WHITE.astype(picture.dtype) * (257 if picture.dtype == np.uint16 else 1)
+        found, expected = (read(make_bundle(raw=picture, white=one), Layout(lens_grid=KNOWN)) for one in (white, same))
+        assert np.abs(found.views.astype(int) - expected.views).max() <= 1
+        with pytest.raises(InvalidOption, match=r"white: the white picture has .* bit, the raw one .* bit"):
+            read(make_bundle(raw=picture, white=white, dark=picture // 50), Layout(lens_grid=KNOWN))
 
 
 def test_a_mesh_is_no_raw_picture():

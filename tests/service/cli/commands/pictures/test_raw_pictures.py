@@ -12,6 +12,9 @@ from ciir.renderer.readers.lenslet.grid import LensGrid
 from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service.cli.main import main
+from ciir.service.pipeline.inspection.report import inspect
+from ciir.service.pipeline.options import Options
+from ciir.service.pipeline.source import open_source
 from tests.support.inputs import CUBE
 from tests.support.lenslet.camera import make_camera, take_picture
 from tests.support.lenslet.lytro import expose, make_metadata, pack, write_container
@@ -66,6 +69,15 @@ def test_python_takes_the_same(folder):
     light_field = ciir.open("raw.png", **options, pixels=(5, 5), white="white.png", show_grid="grid.png")
     assert light_field.views.shape[:2] == (5, 5)
     assert (folder / "grid.png").exists()
+
+
+def test_an_array_takes_the_same(folder):
+    np.save("raw.npy", decode((folder / "raw.png").read_bytes(), name="raw"))
+    options = {"lens_pitch": "auto", "pixels": (5, 5), "white": "white.png"}
+    found = ciir.open("raw.npy", **options, show_grid="grid.png")
+    assert np.array_equal(found.views, ciir.open("raw.png", **options).views)
+    assert (folder / "grid.png").exists()
+    assert inspect(open_source("raw.npy"), Options(lens_pitch="auto"))["kind"] == "raw"
 
 
 @pytest.mark.parametrize(
