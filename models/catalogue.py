@@ -172,10 +172,10 @@ def _load_light_field_network(name: str, scale: int, emulates_int8: bool) -> Lig
     return LightFieldNetwork(entry.path, emulates_int8=emulates_int8)
 
 
-def _advise_export(name: str) -> str:
+def advise_export(name: str) -> str:
     """How a network of one's own gets a name, for who gives a file or the name of one without its card."""
     own, stem = find_model_folder(), name.removesuffix(".onnx").removesuffix(".json")
-    if own is not None and (own / f"{stem}.onnx").is_file() and not (own / f"{stem}.json").is_file():
+    if own is not None and any(path.stem == stem for path in own.glob("*.onnx")):
         return f"; {stem}.onnx has no card {stem}.json beside it: write both with `ciir export {stem}.onnx -o DIR`"
     if not name.endswith(FILES):
         return ""
@@ -187,7 +187,7 @@ def _find_entry(name: str, scale: int, *, is_light_field: bool) -> Entry:
     entries = {entry.name: entry for entry in list_entries()}
     if name not in entries:
         known = [entry.name for entry in entries.values() if entry.is_light_field == is_light_field]
-        raise UnknownModel(f"model: no {name!r} here; give one of {', '.join(known)}{_advise_export(name)}")
+        raise UnknownModel(f"model: no {name!r} here; give one of {', '.join(known)}{advise_export(name)}")
     if scale not in entries[name].scales:
         scales = ", ".join(map(str, entries[name].scales))
         remedy = "give that, or model bicubic" if scale > 1 else "give that"

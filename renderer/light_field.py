@@ -70,8 +70,12 @@ class LightField:
                 + advise_axes(views.shape, "views")
             )
         check_depth_sense(self.depth_sense)
-        if not 0 < self.pixel_aspect < math.inf:
-            raise InvalidOption(f"pixel_aspect: {self.pixel_aspect} is out of range; give a pixel's width / height")
+        aspect: Any = self.pixel_aspect
+        if not isinstance(aspect, Real) or isinstance(aspect, bool) or not 0 < float(aspect) < math.inf:
+            raise InvalidOption(
+                f"pixel_aspect: {str(aspect)[:40]!r} is no width / height of a pixel; give one, as in 0.75"
+            )
+        object.__setattr__(self, "pixel_aspect", float(aspect))
 
     def __repr__(self) -> str:
         v, u, rows, cols, channels = self.views.shape

@@ -109,6 +109,11 @@ class Scene:
         """Whether some part is."""
         return any(part.is_see_through for part in self.parts)
 
+    @property
+    def hides_backs(self) -> bool:
+        """Whether some part hides its back."""
+        return any(part.hides_back for part in self.parts)
+
     def bounds(self) -> NDArray[np.float64]:
         """`(2, 3)`: lowest and highest coordinates of all vertices that a triangle uses, or used before culling."""
         if self.extent is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -12,6 +12,7 @@ from embreex.rtcore_scene import EmbreeScene
 
 from ciir.cores import count_available_cores
 from ciir.renderer.backends.interface import Backend
+from ciir.renderer.backends.reverses import find_reverses
 from ciir.renderer.backends.textures import sample_texture
 from ciir.renderer.scene import SOLID
 from ciir.renderer.shading import encode_srgb
@@ -84,6 +85,7 @@ class PreparedScene:
         self._is_linear = np.array([part.is_linear for part in parts])  # (parts,)
         self._lets_through = bool(self.is_see_through.any() or (self.cutoff > 0).any())
         self._embree = EmbreeScene()
+        self._vertices = vertices
         self._mesh = TriangleMesh(self._embree, self._to_embree(vertices), self.faces)
         # The first run commits the scene, which must not happen in several threads at once.
         self._find_hits(np.zeros((1, 3), np.float32), np.array([[0, 0, 1]], np.float32))
@@ -103,7 +105,7 @@ class PreparedScene:
         found = hit["primID"], hit["u"], hit["v"], hit["tfar"]
         if not self._hides_back.any():
             return found
-        onward = self._find_hidden(hit["primID"], hit["Ng"], directions)
+        onward = self._turn_to_fronts(found, self._find_hidden(hit["primID"], hit["Ng"], directions))
         for _ in range(MAX_LAYERS):
             if not len(onward):
                 return found
@@ -113,7 +115,7 @@ class PreparedScene:
             for values, key in zip(found, ("primID", "u", "v", "tfar"), strict=True):
                 values[onward] = hit[key]
             found[3][onward] += passed
-            onward = onward[self._find_hidden(hit["primID"], hit["Ng"], along)]
+            onward = self._turn_to_fronts(found, onward[self._find_hidden(hit["primID"], hit["Ng"], along)])
         found[0][onward] = -1
         self.passed += len(onward)
         return found
@@ -128,6 +130,27 @@ class PreparedScene:
         back = np.flatnonzero(is_back & (triangle >= 0))
         hidden: NDArray[np.intp] = back[self._hides_back[self.part[triangle[back]]]]
         return hidden
+
+    @cached_property
+    def _fronts(self) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
+        return find_reverses(self._vertices, self.faces)
+
+    def _turn_to_fronts(
+        self,
+        found: tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]],
+        hidden: NDArray[np.intp],
+    ) -> NDArray[np.intp]:
+        """Changes the hits `hidden` of `found`, on backs, to the fronts at the same places; returns those without."""
+        if not len(hidden):
+            return hidden
+        place, fronts = self._fronts
+        triangle, u, v, _ = found
+        front = fronts[triangle[hidden]]
+        met, new = hidden[front >= 0], front[front >= 0]
+        is_same = place[self.faces[new]][:, :, None] == place[self.faces[triangle[met]]][:, None, :]  # (n, 3, 3)
+        weights = np.einsum("nij,nj->ni", is_same, _weigh_corners(u[met], v[met]))
+        triangle[met], u[met], v[met] = new, weights[:, 1], weights[:, 2]
+        return hidden[front < 0]
 
     def _enter(
         self, origins: NDArray[np.float64], direction: NDArray[np.float64]

@@ -104,11 +104,12 @@ class Files:
             raise InvalidOption(f"{place}: files can't be stored there ({reason}); name another place") from error
 
     def _probe(self) -> None:
-        """Writes an empty file and removes it; one that is left is removed as an orphan."""
-        path = self._path(INPUTS, f"probe.{secrets.token_hex(8)}")
-        with self._fs.open(path, "wb"):
-            pass
-        self._fs.rm_file(path)
+        """Writes an empty file into each folder and removes it; one that is left is removed as an orphan."""
+        for folder in (INPUTS, RESULTS):
+            path = self._path(folder, f"probe.{secrets.token_hex(8)}")
+            with self._fs.open(path, "wb"):
+                pass
+            self._fs.rm_file(path)
 
     def _path(self, *names: str) -> str:
         return "/".join((self._root, *names))

@@ -136,8 +136,12 @@ class Job:
 
     @classmethod
     def from_bytes(cls, text: bytes) -> Job:
-        """Parses what `to_bytes` wrote. Raises `ValueError`, `LookupError` or `TypeError` for anything else."""
-        fields = json.loads(text)
+        """Parses what `to_bytes` wrote, of a newer version without the attributes that it added. Raises `ValueError`,
+        `LookupError` or `TypeError` for anything else.
+        """
+        fields = dict(json.loads(text))
+        for key in fields.keys() - cls.__dataclass_fields__:
+            del fields[key]
         problem, result = fields.pop("problem"), fields.pop("result")
         events, clients = tuple(Event(**event) for event in fields["events"]), tuple(fields.get("clients", ()))
         return cls(

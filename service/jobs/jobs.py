@@ -108,7 +108,10 @@ class Jobs:
             return self._mark_used(created), False
         self.queue.push(lane, id_)
         if found is not None and found.made_by not in ("", self._installation):
-            _log.warning("job %s: a worker of another version had run it; runs again", id_)
+            _log.warning(
+                "job %s: a worker of another installation (version, packages or CIIR_MODELS) had run it; runs again",
+                id_,
+            )
         if found is not None and found.result is not None:
             with suppress(QueueUnavailable):  # logged; it is removed as an orphan
                 self.files.remove(RESULTS, found.output)

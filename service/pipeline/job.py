@@ -149,7 +149,8 @@ def resolve_job(name: str, content: Content, options: Options, *, max_views: int
     check_kind(name, content, options, is_upscaled=options.model != NO_MODEL)
     known = (*catalogue.list_names(), AUTO, NO_MODEL)
     if options.model not in known:
-        raise UnknownModel(f"model: no {options.model[:40]!r} here; give one of {', '.join(known)}")
+        advice = catalogue.advise_export(options.model[:40])
+        raise UnknownModel(f"model: no {options.model[:40]!r} here; give one of {', '.join(known)}{advice}")
     return Job(
         name=name,
         content=content,

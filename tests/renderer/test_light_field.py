@@ -193,9 +193,9 @@ def test_pixels_that_slices_leave_out_change_the_pixel_aspect(slices, aspect):
     assert field.flip("u").transpose().with_depth_sense("cameras").pixel_aspect == 1.5
 
 
-@pytest.mark.parametrize("aspect", [0, -1, float("nan"), float("inf")])
+@pytest.mark.parametrize("aspect", [0, -1, float("nan"), float("inf"), True, None, "2"])
 def test_pixel_aspects_out_of_range_are_refused(aspect):
-    with pytest.raises(InvalidOption, match=r"pixel_aspect: .* is out of range; give a pixel's width / height"):
+    with pytest.raises(InvalidOption, match=r"pixel_aspect: .* is no width / height of a pixel; give one"):
         LightField(np.zeros((2, 2, 8, 8, 1), np.uint8), pixel_aspect=aspect)
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
-from onnxruntime.capi.onnxruntime_pybind11_state import Fail, InvalidArgument, RuntimeException
+from onnxruntime.capi import onnxruntime_pybind11_state as runtime
 
 from ciir.cores import count_available_cores
 from ciir.models import cards
@@ -50,6 +50,15 @@ SMALLEST = 1e-12
 (under 1.2e-38), and a CPU multiplies denormals up to 100 times slower."""
 SHAPES = ((1, 3, 1, 1), (1, 3, 7, 5), (2, 3, 25, 25), (1, 3, 97, 131), (3, 3, 1, 40))
 """Where the two are compared: `(N, C, H, W)`, made as large as the network needs."""
+FAILURES = (
+    runtime.Fail,
+    runtime.InvalidArgument,
+    runtime.InvalidGraph,
+    runtime.InvalidProtobuf,
+    runtime.NotImplemented,
+    runtime.RuntimeException,
+)
+"""What onnxruntime raises for networks that it can't open or run."""
 INT8 = "-int8"
 """Suffix of the name of an int8 twin."""
 
@@ -235,7 +244,7 @@ def compare_with_torch(network: nn.Module, weights: bytes, sizes: Sizes = Sizes(
         try:
             made = session.run(None, {name: part.numpy() for name, part in zip(names, inputs, strict=True)})
             wished = [part.numpy() for part in as_tuple(whole(*inputs))]
-        except (RuntimeError, Fail, InvalidArgument, RuntimeException) as error:  # torch's, and onnxruntime's
+        except (RuntimeError, *FAILURES) as error:  # torch's, and onnxruntime's
             reason = str(error).strip().partition("\n")[0]
             raise ValueError(f"the network can't be used at {shape}: its sizes aren't free ({reason})") from error
         for got, wanted in zip(made, wished, strict=True):

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import onnx
 import torch
 from google.protobuf.message import DecodeError  # type: ignore[import-untyped]
-from onnxruntime.capi import onnxruntime_pybind11_state as errors
 
 from ciir.cores import count_available_cores
 from ciir.models import cards
@@ -17,6 +16,7 @@ from ciir.models.cards import Sizes
 from ciir.models.sessions import open_session
 from ciir.training.evaluation import pictures
 from ciir.training.export import export, measure
+from ciir.training.export.export import FAILURES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,14 +29,6 @@ MULTIPLES = (1, 2, 4, 8, 16, 32, 64)
 """What the sides of pictures are tried to be multiples of."""
 FAR_OFF = 0.25
 """Most that the mean of what a network makes of noise may differ from the noise's."""
-_FAILURES = (
-    errors.Fail,
-    errors.InvalidArgument,
-    errors.InvalidGraph,
-    errors.InvalidProtobuf,
-    errors.NotImplemented,
-    errors.RuntimeException,
-)
 
 
 class OnnxFile:
@@ -48,11 +40,15 @@ class OnnxFile:
         self.weights = self.model.SerializeToString()
         try:
             self._session = open_session(self.weights, count_available_cores())
-        except _FAILURES as error:
+        except FAILURES as error:
             raise ValueError(f"{path}: onnxruntime can't open it ({_first_line(error)}); export it again") from error
         inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
         self.input, self.output = inputs[0], outputs[0]
         shape = self.input.shape
+        if len(shape) == 4 and shape[3] == 3:
+            raise ValueError(f"{path}: takes {shape}, channels last; export it for RGB pictures (N, 3, H, W)")
+        if len(shape) == 4 and isinstance(shape[0], int) and shape[0] != 1:
+            raise ValueError(f"{path}: takes {shape[0]} pictures at a time only; export it with a free batch, or of 1")
         if len(inputs) > 1 or self.input.type != "tensor(float)" or len(shape) != 4 or shape[1] in (1, 2, 4):
             taken = ", ".join(f"{each.name} {each.type} {each.shape}" for each in inputs)
             raise ValueError(f"{path}: takes {taken}; give a network of RGB pictures in float32, (N, 3, H, W)")
@@ -70,7 +66,7 @@ class OnnxFile:
         """The shape that it makes of `count` pictures of such a size; empty where it fails."""
         try:
             return tuple(self(torch.full((count, 3, height, width), 0.5)).shape)
-        except _FAILURES:
+        except FAILURES:
             return ()
 
 
@@ -85,7 +81,7 @@ def export_onnx(path: Path, out: Path, *, name: str = "", accuracy_on: Sequence[
     network = OnnxFile(path)
     sizes, scale = _find_sizes(network, path)
     _check_range(network, sizes, path)
-    batch = "batch" if network.can_run(2, *sizes.round_up(17, 29)) else 1
+    batch = "batch" if _takes_several(network, sizes) else 1
     opset = max(each.version for each in network.model.opset_import if each.domain in ("", "ai.onnx"))
     card = cards.Card(
         name=name,
@@ -145,6 +141,17 @@ def _check_range(network: OnnxFile, sizes: Sizes, path: Path) -> None:
             f"{path}: makes a picture with a mean of {mean:.3g} of one with 0.5; give a network that takes and makes "
             "RGB in [0, 1]"
         )
+
+
+def _takes_several(network: OnnxFile, sizes: Sizes) -> bool:
+    """Whether it makes of two pictures at once what it makes of each."""
+    pair = torch.rand((2, 3, *sizes.round_up(17, 29)), generator=torch.Generator().manual_seed(0))
+    alone = torch.cat([network(pair[:1]), network(pair[1:])])
+    try:
+        together = network(pair)
+    except FAILURES:
+        return False
+    return together.shape == alone.shape and torch.allclose(together, alone, atol=export.TOLERANCE)
 
 
 def _count_macs(network: OnnxFile, scale: int, sizes: Sizes) -> float:

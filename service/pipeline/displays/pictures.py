@@ -136,7 +136,7 @@ def _find_screen(target: Quilt | Calibration) -> Screen:
 
 def _render(scene: Scene, options: Options, target: Target, progress: Progress) -> DisplayPicture:
     """The picture of a mesh that stands at the display, with notes on its depth."""
-    check = ObjectCheck(options.background)
+    check = ObjectCheck(options.background, hides_backs=scene.hides_backs)
     caster = RayCaster(scene, options.background, check.count)
     samples = find_samples(options)
     layout: QuiltLayout | None = None

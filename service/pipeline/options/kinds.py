@@ -200,6 +200,7 @@ KINDS: dict[KindName, Kind] = {
                 "pitch": "distance between lenses in scene units (default 1)",
                 "delta": "pixel size / gap (default 0.4 / the larger count of pixels)",
                 "parallax": "the whole viewing angle in degrees, in place of --delta (default 22.6)",
+                "pickup": "optical turns each elemental image by 180 degrees (default virtual)",
             },
         ),
         Kind(

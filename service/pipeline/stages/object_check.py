@@ -19,8 +19,9 @@ LEAST_SHARE = 0.05
 class ObjectCheck:
     """Counts how much of an object stands out from the background, until a picture leaves no question."""
 
-    def __init__(self, background: tuple[int, int, int]) -> None:
-        self._background = background
+    def __init__(self, background: tuple[int, int, int], *, hides_backs: bool = False) -> None:
+        """`hides_backs`: whether some of the object's materials hide the backs of their faces."""
+        self._background, self._hides_backs = background, hides_backs
         self._low = [max(level - DIFFERENCE, 0) for level in background]
         self._high = [min(level + DIFFERENCE, 255) for level in background]
         self._covered = self._outstanding = 0
@@ -46,6 +47,9 @@ class ObjectCheck:
         if not self._covered:
             cause = "it is smaller than a pixel, edge-on, or beside them"
             remedy = "give another rotate, zoom or delta, more lenses, or other views"
+            if self._hides_backs:
+                cause += ", or only backs are seen, which its materials hide"
+                remedy += ", or make the materials double-sided"
             return [f"no view that was asked for shows the object: {cause}; {remedy}"]
         if self._outstanding > LEAST_SHARE * self._covered:
             return []

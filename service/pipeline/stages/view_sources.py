@@ -48,7 +48,7 @@ class MeshViews:
         """Points of the mesh that are sampled for a view."""
         self.sample: Pixels = np.zeros((1, 1, 3), np.uint8)
         """A pixel, `(1, 1, C)`, with the channels and the depth of the views."""
-        self._check, self._notes = ObjectCheck(job.background), set[str]()
+        self._check, self._notes = ObjectCheck(job.background, hides_backs=mesh.hides_backs), set[str]()
         self._triangles_left = mesh.triangles
 
     def open(self) -> None:

@@ -42,7 +42,10 @@ _ID = _header("id of the request: the one that was sent, or a new one")
 _RETRY = _header("seconds", "integer")
 _RESULT_HEADERS = {
     "X-Request-Id": _ID,
-    "ETag": _header("the job's id in quotes; weak (W/) if the file holds timings"),
+    "ETag": _header(
+        "the job's id in quotes, with - and more behind it if a worker of another version ran it; weak (W/) if the "
+        "file holds timings"
+    ),
     "Content-Location": _header("path of the result"),
     "Server-Timing": _header("milliseconds of each stage; `stored` if a kept result was sent"),
     "X-Notes": _header("a JSON list of notes on what was done, in ASCII"),

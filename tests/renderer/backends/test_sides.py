@@ -65,6 +65,23 @@ def test_what_lies_behind_hidden_backs_is_seen(backend: str, clear: bool) -> Non
         assert distance[6, 6] == pytest.approx(depth, rel=1e-5)  # float32
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("turned", [0, 1, 2])
+@pytest.mark.parametrize("yaw", [0, 180])
+def test_both_windings_at_one_place_show_their_fronts(backend: str, turned: int, yaw: int) -> None:
+    front = make_sheet(-20, (0, 1, 0, 1))
+    corners = np.float32([[1, 0, 0, 1], [0, 0, 1, 1], [1, 1, 1, 1], [0, 0, 0, 1]])
+    back = replace(front, faces=np.roll(front.faces[:, ::-1], turned, axis=1), colors=corners)
+    matrix = np.diag([-1.0, 1, -1, 1]) if yaw else np.eye(4)
+    matrix[2, 3] = -40 if yaw else 0
+    placed = Scene((front, back)).transform(matrix).parts
+    scene = Scene((*placed, make_sheet(-30, (1, 1, 0, 1), hides_back=False)))
+    (picture,) = require_backend(backend).render_views(scene, ARRAY, [(1, 1)])
+    (expected,) = require_backend(backend).render_views(Scene((placed[1] if yaw else placed[0],)), ARRAY, [(1, 1)])
+    assert np.abs(picture[1:-1, 1:-1].astype(int) - expected[1:-1, 1:-1]).max() <= 1
+    assert expected[6, 6, 3] == 255
+
+
 def test_a_ray_ends_after_64_hidden_backs_with_a_note() -> None:
     hidden = [make_sheet(-10.0 - i / 8, (1, 0, 0, 1), faces_away=True) for i in range(66)]
     notes: set[str] = set()

@@ -46,6 +46,10 @@ def test_other_bytes_are_refused(text):
         Job.from_bytes(text)
 
 
+def test_attributes_that_a_newer_version_added_are_left_out():
+    assert Job.from_bytes(json.dumps(json.loads(JOB.to_bytes()) | {"newer": 1}).encode()) == JOB
+
+
 def test_no_two_runs_share_an_output():
     assert JOB.output == f"{'0' * 32}.l"
     assert parse_id(JOB.output) == JOB.id

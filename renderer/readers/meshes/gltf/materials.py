@@ -46,10 +46,12 @@ class Material:
         self.is_unlit = "KHR_materials_unlit" in self.extensions
         emitted = self._read_emitted(entry)
         emits = not self.is_unlit and bool(emitted.any())
-        self.only_emits = emits and len(emitted) == 3 and self._is_black()
+        glow = entry.get("emissiveTexture")
+        is_cut = self._has_alpha and self._texture not in (None, glow)  # its shape is in the base texture's alpha
+        self.only_emits = emits and len(emitted) == 3 and not is_cut and self._is_black()
         """Whether it is black but for the light that it emits, whose colour and texture are then its own, unlit."""
         if self.only_emits:
-            self._replace(emitted, entry.get("emissiveTexture"))
+            self._replace(emitted, glow)
             self.is_unlit = True
         else:
             if glossy is not None:
@@ -108,7 +110,7 @@ class Material:
             self._texture_has_alpha = False
             if self._texture is not None:
                 self._document.resolver.add_note(
-                    "the alpha of a texture is left out, as that is black: the specular or the emitted colour is drawn"
+                    "the alpha of a texture is left out, as that is black: the specular colour is drawn"
                 )
         self._take_texture(texture)
 
