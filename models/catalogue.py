@@ -175,9 +175,10 @@ def _load_light_field_network(name: str, scale: int, emulates_int8: bool) -> Lig
 def advise_export(name: str) -> str:
     """How a network of one's own gets a name, for who gives a file or the name of one without its card."""
     own, stem = find_model_folder(), name.removesuffix(".onnx").removesuffix(".json")
-    if own is not None and any(path.stem == stem for path in own.glob("*.onnx")):
+    there = set() if own is None else {path.name for path in own.iterdir()}
+    if f"{stem}.onnx" in there and f"{stem}.json" not in there:
         return f"; {stem}.onnx has no card {stem}.json beside it: write both with `ciir export {stem}.onnx -o DIR`"
-    if not name.endswith(FILES):
+    if not name.endswith(FILES) or stem in list_names():
         return ""
     return f"; of a network of your own `ciir export {stem}.onnx -o DIR` makes one in a folder for {MODEL_FOLDER}"
 

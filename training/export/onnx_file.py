@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
-SUFFIX = ".onnx"
 MULTIPLES = (1, 2, 4, 8, 16, 32, 64)
 """What the sides of pictures are tried to be multiples of."""
 FAR_OFF = 0.25

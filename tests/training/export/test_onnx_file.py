@@ -118,3 +118,8 @@ def test_the_error_names_the_export(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     for name in ("mine", "mine.onnx"):
         with pytest.raises(catalogue.UnknownModel, match=r"mine.onnx has no card mine.json beside it: .*ciir export"):
             catalogue.load_upscaler(name)
+    export_onnx(tmp_path / "mine.onnx", tmp_path)
+    catalogue._read_networks.cache_clear()
+    with pytest.raises(catalogue.UnknownModel, match=r"no 'mine.onnx' here; give one of .*\bmine\b.*nearest$"):
+        catalogue.load_upscaler("mine.onnx")
+    catalogue._read_networks.cache_clear()
