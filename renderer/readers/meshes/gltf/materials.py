@@ -23,7 +23,7 @@ TRANSMITTED = 0.9
 """Most of the light from behind that comes through clear glass: the rest stands for its reflections."""
 METAL = 0.25
 """The largest specular colour of what is no metal, linear: gems have 0.17, metals 0.5 and more."""
-MAX_STRENGTH = 1e6
+_MAX_STRENGTH = 1e6
 """The largest `emissiveStrength`: larger ones, which JSON may have, count as this one."""
 
 
@@ -97,7 +97,7 @@ class Material:
     def _read_emitted(self, entry: dict[str, Any]) -> NDArray[np.float64]:
         """The emitted light, linear; over 1 it is scaled down, so that its hue stays."""
         given = self.extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
-        strength = float(np.clip(np.nan_to_num(float(given)), 0.0, MAX_STRENGTH))
+        strength = float(np.clip(np.nan_to_num(float(given)), 0.0, _MAX_STRENGTH))
         emitted = np.clip(_read_linear(entry.get("emissiveFactor", (0, 0, 0)))[:3], 0.0, 1.0) * strength
         brightest: NDArray[np.float64] = emitted / max(1.0, emitted.max(initial=0.0))
         return brightest
