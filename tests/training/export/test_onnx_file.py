@@ -123,3 +123,17 @@ def test_the_error_names_the_export(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     with pytest.raises(catalogue.UnknownModel, match=r"no 'mine.onnx' here; give one of .*\bmine\b.*nearest$"):
         catalogue.load_upscaler("mine.onnx")
     catalogue._read_networks.cache_clear()
+
+
+def test_a_network_that_mixes_the_pictures_of_a_batch_takes_one_at_a_time(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.onnx")
+    model = onnx.load(path)
+    model.graph.node[0].input[0] = "mixed"
+    mean = helper.make_node("ReduceMean", ["x"], ["mean"], axes=[0])
+    model.graph.node.insert(0, helper.make_node("Mean", ["x", "mean"], ["mixed"]))  # of one picture it is the picture
+    model.graph.node.insert(0, mean)
+    onnx.save(model, path)
+    path = export_onnx(path, tmp_path / "out")
+    assert cards.read_card(path).input.shape[0] == 1
+    images = np.random.default_rng(0).random((2, 3, 9, 14), np.float32)
+    np.testing.assert_allclose(SingleImageNetwork(path)(images), images.repeat(2, 2).repeat(2, 3), atol=1e-6)

@@ -20,6 +20,7 @@ from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.run import reconstruct
 from ciir.service.pipeline.stages import schedule
 from tests.support.inputs import CUBE, EIA, EIA_PNG, make_off, make_picture
+from tests.support.meshes.gltf import Model
 from tests.support.paths import SHARED
 from tests.support.pipeline import SMALL, Recorder, eia_bundle, run
 
@@ -224,6 +225,14 @@ def test_a_mesh_that_no_view_shows_is_noted(cube, options):
     views, report = run(cube, model="none", **(SMALL | options))
     assert not any(pixels.any() for pixels in views.values())
     assert [note for note in report["notes"] if "shows the object" in note]
+
+
+def test_a_mesh_of_which_only_hidden_backs_are_seen_is_noted():
+    bundle = Bundle.from_upload("square.glb", Model().glb())  # faces +z, and is turned away
+    for rotate, words in ((180, "or only backs are seen, which its materials hide"), (0, None)):
+        views, report = run(bundle, model="none", views="1,2", rotate=(rotate, 0, 0), **SMALL)
+        assert any(pixels.any() for pixels in views.values()) == (words is None)
+        assert words is None or any(words in note for note in report["notes"])
 
 
 def test_a_black_mesh_is_seen():

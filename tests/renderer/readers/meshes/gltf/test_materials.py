@@ -339,3 +339,11 @@ def test_material_variants_are_noted() -> None:
     model = Model()
     model.json["extensionsUsed"] = ["KHR_materials_variants"]
     assert model.read().notes == ("KHR_materials_variants: the materials that are drawn are those without a variant",)
+
+
+def test_materials_whose_backs_differ_are_parts_of_their_own() -> None:
+    model = Model()
+    model.material["extensions"] = {"KHR_materials_unlit": {}}
+    model.json["materials"].append({"extensions": {"KHR_materials_unlit": {}}, "doubleSided": True})
+    model.json["meshes"][0]["primitives"].append(model.primitive | {"material": 1})
+    assert [part.hides_back for part in model.read().parts] == [True, False]
