@@ -1,4 +1,4 @@
-"""Computational integral imaging reconstruction: light fields read, rendered, upscaled and written.
+"""Computational integral imaging reconstruction: reads, renders, upscales and writes light fields.
 
 ::
 
@@ -7,7 +7,7 @@
     light_field = ciir.render("scene:vase", lenses=(50, 50))
     ciir.upscale(light_field).save("views.zip")
 
-Names are imported when they are first used, so that `import ciir` is quick.
+Names are imported when they are first used, which keeps `import ciir` fast.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _MODULES = {
     "LightField": "ciir.renderer.light_field",
     **dict.fromkeys(("Reconstruction", "open", "reconstruct", "render", "upscale"), "ciir.service.interface"),
 }
-"""The modules of the names in `__all__`; the others are errors, of `ciir.errors`."""
+"""The modules of names in `__all__`; names not listed here are errors in `ciir.errors`."""
 __all__ = [
     "BackendUnavailable",
     "DepthScale",

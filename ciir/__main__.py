@@ -1,4 +1,4 @@
-"""Runs the command line, `ciir` or `python -m ciir`. Ctrl-C ends it in order, also while its modules are imported."""
+"""Runs the command line, `ciir` or `python -m ciir`. Ctrl-C ends it cleanly, even while its modules are imported."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
 
 def main() -> int:
-    """Runs the command line's own arguments and returns the exit status."""
-    is_usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # not ignored, as for background commands
+    """Runs the command with the arguments of this process and returns the exit status."""
+    is_usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # background commands ignore SIGINT
     if is_usual:
         signal.signal(signal.SIGINT, _end)
     from ciir.service.cli.main import main as run
@@ -24,7 +24,7 @@ def main() -> int:
 
 
 def _end(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - the signature is Python's
-    """Ends the process at once: modules such as numpy's make other errors of a `KeyboardInterrupt`."""
+    """Ends the process at once, because modules such as numpy's turn a `KeyboardInterrupt` into other errors."""
     print("ciir: interrupted", file=sys.stderr, flush=True)
     os._exit(130)
 

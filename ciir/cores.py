@@ -1,4 +1,4 @@
-"""Processor cores that this process may use: those that it may run on, within its container's quota."""
+"""The number of processor cores that this process may use, within its container's quota."""
 
 from __future__ import annotations
 
@@ -10,21 +10,22 @@ from pathlib import Path, PurePosixPath
 GROUPS, MEMBERSHIP = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
 
 most_cores: int | None = None
-"""Set in worker processes that share a machine: the cores that this process may use; None: no such limit."""
+"""The limit for a worker process that shares a machine with others; None for no such limit."""
 
 
 def count_available_cores() -> int:
-    """The cores that this process can keep busy, at least 1."""
+    """Returns the number of cores that this process can keep busy, at least 1."""
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(1, min(math.ceil(min(allowed, read_quota())), most_cores or allowed))
 
 
 @cache
 def read_quota() -> float:
-    """Cores whose time Linux's control groups allow this process, infinity without a limit. Later calls return what the
-    first one found: a worker process can't read it once it is in its sandbox.
+    """Returns the number of cores whose time Linux's control groups allow this process; infinity without a limit.
 
-    Every group limits those in it (cgroups(7)). In a container the root of the file system of groups is its own.
+    The result of the first call is kept, because a worker process can't read the quota once it is in its sandbox.
+    Every group limits the groups in it (cgroups(7)). In a container, the root of the groups' file system is the
+    container's own group.
     """
     try:
         lines = MEMBERSHIP.read_text().splitlines()
@@ -37,7 +38,7 @@ def read_quota() -> float:
 
 
 def _read_group(folder: Path) -> float:
-    """A group's quota in cores, of version 2 or 1; infinity where it has none."""
+    """Returns the quota of a group of version 2 or 1, in cores; infinity if it has none."""
     try:
         quota, period = (folder / "cpu.max").read_text().split()
     except OSError:

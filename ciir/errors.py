@@ -1,44 +1,44 @@
-"""Every error that callers of `ciir` can meet, drawn once.
+"""All errors that `ciir` raises, drawn as one tree.
 
 ::
 
     Error                        the root: `except ciir.Error` catches all of them; the message is one line
     ├── InputError               the input or an option is wrong: what was given, the limit, the remedy
-    │   ├── UnsupportedType      not a kind of file that is read, or not the kind that its name says
+    │   ├── UnsupportedType      the file's type is not read, or is not the one that its name says
     │   ├── Unreadable           truncated, corrupt, or not decodable
     │   ├── TooLarge             over a limit on bytes, pixels, files or triangles
     │   ├── InvalidGeometry      no surface, not finite, or out of range
-    │   │   └── NothingVisible   there are triangles, but all have zero area, or none is before the camera
+    │   │   └── NothingVisible   there are triangles, but all have zero area, or none is in front of the camera
     │   └── InvalidOption        an option that is wrong by itself or does not fit the input
     ├── BackendUnavailable       the rendering backend that was asked for can't run on this machine
     ├── ModelError               the model that was asked for, or its input, is wrong
     │   ├── UnknownModel         no model of that name
     │   ├── UnsupportedScale     the model doesn't upscale by that factor
-    │   ├── UnsuitedModel        for single pictures where views of a light field are given, or the other way round
-    │   ├── UnsuitedProcessor    the network is an int8 one, which this machine's processor gets wrong
-    │   ├── InvalidImage         not an array of pictures of the shape, type and range that models take
-    │   └── BadCard              a card, or the network beside it, is missing, incomplete or doesn't fit
+    │   ├── UnsuitedModel        a single-picture model was given views of a light field, or the other way round
+    │   ├── UnsuitedProcessor    this machine's processor computes the int8 network wrongly
+    │   ├── InvalidImage         not an array of pictures with the shape, type and range that models take
+    │   └── BadCard              a card or its network is missing, incomplete or doesn't fit
     ├── BrokenNetwork            a network turned good input into something that is not a number
     ├── JobError                 a job of the service could not be taken or finished
-    │   ├── QueueFull            as many jobs wait as may
+    │   ├── QueueFull            the largest allowed number of jobs is already waiting
     │   ├── QueueUnavailable     the queue can't be reached, or its disk is full
-    │   ├── ResultExpired        the result was kept for as long as it may be, and removed
+    │   ├── ResultExpired        the result was kept as long as allowed and then removed
     │   ├── WorkerDied           the worker process ended in the middle of its work
-    │   │   └── TimedOut         it was ended, as the work took all the time that a job has
-    │   └── Cancelled            the work was stopped because it is not wanted any more
+    │   │   └── TimedOut         it was ended because the job used up its time
+    │   └── Cancelled            the work was stopped because the result is no longer wanted
     ├── NotReady                 the server is still loading its models, or it is stopping
     └── ServiceError             a server's answer can't be used (`ciir.service.client`)
         ├── ConnectionFailed     the server can't be reached, or the connection broke
         ├── Unauthorized         the API key is missing or wrong
         ├── NotFound             there is no such job
-        └── NotDone              the job waits or runs
+        └── NotDone              the job is still waiting or running
 """
 
 from __future__ import annotations
 
 
 def advise_extra(extra: str) -> str:
-    """For messages: how to install an extra of pyproject.toml. `ciir` is on no package index, but in a folder."""
+    """Returns the `pip` command for an extra of pyproject.toml, for messages; `ciir` is on no package index."""
     return f"pip install '.[{extra}]' in the folder of ciir's source code"
 
 
@@ -51,34 +51,34 @@ class InputError(Error, ValueError):
 
 
 class UnsupportedType(InputError):  # noqa: N818 - the cause is the name, here and below
-    """Not a kind of file that is read, or not the kind that its name says."""
+    """The file's type is not read, or is not the one that its name says."""
 
 
 class Unreadable(InputError):  # noqa: N818
-    """Truncated, corrupt, or not decodable."""
+    """The file is truncated, corrupt, or not decodable."""
 
 
 class TooLarge(InputError):  # noqa: N818
-    """Over a limit on bytes, pixels, files or triangles."""
+    """The input is over a limit on bytes, pixels, files or triangles."""
 
     def __init__(self, message: str, limit: str = "", needed: int = 0) -> None:
         super().__init__(message)
         self.limit = limit
-        """Name of the limit in `renderer.limits.Limits`; empty for a fixed one."""
+        """The name of the limit in `renderer.limits.Limits`; empty for a fixed one."""
         self.needed = needed
-        """A value of that limit that suffices; 0 where it isn't known."""
+        """A value of that limit that would suffice; 0 if it isn't known."""
 
 
 class InvalidGeometry(InputError):  # noqa: N818
-    """No surface, not finite, or out of range."""
+    """The geometry has no surface, is not finite, or is out of range."""
 
 
 class NothingVisible(InvalidGeometry):
-    """There are triangles, but all have zero area, or none is before the camera: at another time that may differ."""
+    """All triangles have zero area, or none is in front of the camera; this may differ at another time."""
 
 
 class InvalidOption(InputError):  # noqa: N818
-    """An option that is wrong by itself or does not fit the input."""
+    """An option is wrong by itself or does not fit the input."""
 
 
 class BackendUnavailable(Error, RuntimeError):  # noqa: N818
@@ -90,7 +90,7 @@ class ModelError(Error, ValueError):
 
 
 class UnknownModel(ModelError):  # noqa: N818
-    """No model of that name."""
+    """There is no model of that name."""
 
 
 class UnsupportedScale(ModelError):  # noqa: N818
@@ -98,19 +98,19 @@ class UnsupportedScale(ModelError):  # noqa: N818
 
 
 class UnsuitedModel(ModelError):  # noqa: N818
-    """The model takes single pictures where a light field's views are given, or the other way round."""
+    """A single-picture model was given views of a light field, or the other way round."""
 
 
 class UnsuitedProcessor(ModelError):  # noqa: N818
-    """The network is an int8 one, which this machine's processor gets wrong, or can't be known to get right."""
+    """This machine's processor computes the int8 network wrongly, or isn't known to compute it correctly."""
 
 
 class InvalidImage(ModelError):  # noqa: N818
-    """Not an array of pictures of the shape, type and range that models take."""
+    """The input is not an array of pictures with the shape, type and range that models take."""
 
 
 class BadCard(ModelError):  # noqa: N818
-    """A card, or the network beside it, is missing, incomplete or doesn't fit."""
+    """A card or its network is missing, incomplete or doesn't fit."""
 
 
 class BrokenNetwork(Error, RuntimeError):  # noqa: N818
@@ -122,15 +122,15 @@ class JobError(Error):
 
 
 class QueueFull(JobError):  # noqa: N818
-    """As many jobs wait as may: HTTP's 429."""
+    """The largest allowed number of jobs is already waiting: HTTP's 429."""
 
     def __init__(self, detail: str, retry_after: int = 1) -> None:
         super().__init__(detail)
         self.retry_after = retry_after
-        """Whole seconds, an estimate."""
+        """An estimate, in whole seconds."""
 
     def __reduce__(self) -> tuple[type[QueueFull], tuple[str, int]]:
-        """For pickle, which would leave out the seconds."""
+        """Pickles `retry_after` too, which pickle would leave out."""
         return type(self), (str(self), self.retry_after)
 
 
@@ -139,7 +139,7 @@ class QueueUnavailable(JobError):  # noqa: N818
 
 
 class ResultExpired(JobError, LookupError):  # noqa: N818
-    """The result was kept for as long as it may be, and removed: HTTP's 410. A new request makes it again."""
+    """The result was kept as long as allowed and then removed: HTTP's 410. A new request makes it again."""
 
 
 class WorkerDied(JobError):  # noqa: N818
@@ -147,11 +147,11 @@ class WorkerDied(JobError):  # noqa: N818
 
 
 class TimedOut(WorkerDied):
-    """The worker process was ended in the middle of its work, on which it had spent all the time that a job has."""
+    """The worker process was ended in the middle of its work because the job used up its time."""
 
 
 class Cancelled(JobError):  # noqa: N818
-    """The work was stopped because it is not wanted any more."""
+    """The work was stopped because the result is no longer wanted."""
 
 
 class NotReady(Error, RuntimeError):  # noqa: N818
@@ -159,7 +159,7 @@ class NotReady(Error, RuntimeError):  # noqa: N818
 
 
 class ServiceError(Error):
-    """A server's answer can't be used: none of the other errors fits it."""
+    """A server's answer can't be used, and no other error fits it."""
 
 
 class ConnectionFailed(ServiceError, ConnectionError):  # noqa: N818
@@ -175,4 +175,4 @@ class NotFound(ServiceError, LookupError):  # noqa: N818
 
 
 class NotDone(ServiceError):  # noqa: N818
-    """The job waits or runs: HTTP's 409."""
+    """The job is still waiting or running: HTTP's 409."""

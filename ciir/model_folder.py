@@ -1,4 +1,4 @@
-"""The folder of one's own networks."""
+"""The folder that holds the user's own networks."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import os
 from pathlib import Path
 
 MODEL_FOLDER = "CIIR_MODELS"
-"""The environment variable that names it: `.onnx` files with their `.json` cards, as `ciir export` writes them."""
+"""The environment variable with the folder of `.onnx` files and `.json` cards, as `ciir export` writes them."""
 
 
 def find_model_folder() -> Path | None:
-    """The folder of `CIIR_MODELS`, absolute; None where it isn't set."""
+    """Returns the folder named by `CIIR_MODELS`, as an absolute path; None if it isn't set."""
     text = os.environ.get(MODEL_FOLDER)
     return Path(text).absolute() if text else None
