@@ -1,11 +1,11 @@
-# The service as an image: no torch, no compiler, a user without rights, all that is written in /var/lib/ciir and /tmp.
+# The service as an image: no torch, no compiler, an unprivileged user, and writes only to /var/lib/ciir and /tmp.
 #   docker build -t ciir . && docker run --rm -p 127.0.0.1:8000:8000 --read-only --tmpfs /tmp ciir
-# docs/deployment.md says how to run it for others.
+# docs/deployment.md explains how to run it for others.
 FROM python:3.11-slim-bookworm AS build
 RUN apt-get update && apt-get install -y --no-install-recommends binutils && python -m venv /opt/ciir
 ENV PATH=/opt/ciir/bin:$PATH
 WORKDIR /src
-# Another package index than pip's own: docker build --build-arg PIP_INDEX_URL=...
+# To use another package index: docker build --build-arg PIP_INDEX_URL=...
 ARG PIP_INDEX_URL
 COPY requirements/service.txt requirements/
 RUN pip install --no-cache-dir --no-compile --use-pep517 --no-deps -r requirements/service.txt
@@ -16,8 +16,8 @@ COPY models models
 COPY training training
 COPY service service
 COPY benchmarks benchmarks
-# Then what no request needs goes: tests, debug symbols, OpenGL for other platforms, tools to make networks, codecs of
-# formats that are not read, all services of AWS but S3 and its logins, pip.
+# Installs ciir, then removes what no request needs: tests, debug symbols, OpenGL for other platforms, tools to make
+# networks, codecs of formats that are not read, all services of AWS except S3 and its logins, and pip.
 RUN pip install --no-cache-dir --no-compile --use-pep517 --no-deps . \
     && find /opt/ciir -depth -type d -name tests -exec rm -r {} + \
     && find /opt/ciir/lib/python*/site-packages/swagger_ui_bundle -name '*.map' -delete \
@@ -33,18 +33,19 @@ RUN pip install --no-cache-dir --no-compile --use-pep517 --no-deps . \
     && pip uninstall --yes pip setuptools
 
 FROM python:3.11-slim-bookworm AS system
-# OpenGL through EGL, by Mesa's software renderer: no GPU, no display. Mesa's drivers are one file under many names.
+# OpenGL through EGL with Mesa's software renderer needs no GPU and no display. Mesa's drivers are one file under many names.
 RUN apt-get update \
     && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends libegl1 libgl1 libgl1-mesa-dri \
     && cd /usr/lib/*/dri && find . -type f ! -name swrast_dri.so -delete && ln -s swrast_dri.so kms_swrast_dri.so
 RUN groupadd --gid 10001 ciir && useradd --uid 10001 --gid ciir --no-create-home --home-dir /var/lib/ciir ciir
 COPY --from=build /opt/ciir /opt/ciir
 ENV PATH=/opt/ciir/bin:$PATH
-# The demo, once: what doesn't work fails here, and what Python compiles is kept, as nothing can be written there later.
+# Runs the demo once. If something doesn't work, the build fails here. Python's compiled files are kept, as nothing can be
+# written there later.
 RUN export HOME=/tmp/home CIIR_FOLDER=/tmp/service CIIR_CACHE=/tmp/cache; ciir serve --port 48123 & server=$! \
     && python -m ciir.service.demo.over_http http://127.0.0.1:48123 /tmp/demo \
     && kill $server && wait $server && rm -r /tmp/*
-# What is deleted from a base image still counts, so the last stage starts empty.
+# Files deleted from a base image still count towards its size, so the last stage starts empty.
 RUN cd / && rm -rf var/cache/apt/* var/lib/apt/lists/* usr/share/locale usr/share/man usr/share/info \
         usr/include usr/local/include usr/share/python-wheels usr/lib/python3/dist-packages \
         usr/lib/python3*/config-* usr/local/lib/python3*/config-* usr/local/lib/python3*/ensurepip \

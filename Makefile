@@ -1,4 +1,4 @@
-# Each target does all the set-up that it needs, in .venv, as a plain user. PYTHON names the interpreter (3.11 or newer).
+# Each target sets up what it needs in .venv, without root. PYTHON names the interpreter (3.11 or newer).
 PYTHON ?= python3
 PORT ?= 8000
 VENV := .venv
@@ -9,11 +9,11 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --use-pe
 
 help:
 	@echo "make demo      three scenes: elemental image array, views before and after, a contact sheet, in demo-out/"
-	@echo "make test      the tests; those of training are skipped until make setup-training has installed torch"
+	@echo "make test      the tests; those for training are skipped until make setup-training has installed torch"
 	@echo "make test-slow the slow tests: fuzzing, servers under kills and load, most of the page in a browser"
 	@echo "make lint      ruff and mypy, strict (installs torch, to check training too)"
-	@echo "make format    ruff, with the corrections that it can make itself"
-	@echo "make coverage  the tests, and which lines they run"
+	@echo "make format    ruff, with the fixes that it can apply itself"
+	@echo "make coverage  the tests, and the lines that they run"
 	@echo "make serve     the HTTP service on http://127.0.0.1:8000 (or PORT=...), documented at /docs"
 	@echo "make lock      new versions of all packages in requirements/"
 	@echo "make clean     removes .venv and what the other targets wrote"
@@ -25,15 +25,15 @@ $(VENV)/.venv:
 	@$(PYTHON) -m venv $(VENV)
 	@touch $@
 
-# The locks hold all that packages require, less what is never imported: hence --no-deps.
+# The locks list everything that packages require, except what is never imported: hence --no-deps.
 $(VENV)/.%: requirements/%.txt pyproject.toml $(VENV)/.venv
 	@echo "== installing $<"
 	@$(PIP) --no-deps -r $<
 	@$(PIP) --no-deps --editable .
 	@touch $@
 
-# torch requires different packages on each machine: pip finds those. spandrel requires torchvision, which nothing here
-# imports and which fits one build of torch only.
+# torch requires different packages on each machine, which pip finds. spandrel requires torchvision, which nothing here
+# imports and which fits only one build of torch.
 $(VENV)/.training: requirements/training.txt requirements/spandrel.txt $(VENV)/.dev
 	@echo "== installing $< (torch is large)"
 	@$(PIP) --no-warn-conflicts -r $<
@@ -74,8 +74,8 @@ format: $(VENV)/.dev
 serve: $(VENV)/.service
 	@$(BIN)/ciir serve --port $(PORT)
 
-# Exact versions, for the oldest Python that is supported. --unsafe-package leaves out what pyrender requires for its
-# window alone. It also requires PyOpenGL 3.1.0, which fails on Python 3.12 and newer; 3.1.10 works on all.
+# Exact versions, for the oldest supported Python. --unsafe-package leaves out what pyrender requires only for its
+# window. pyrender also requires PyOpenGL 3.1.0, which fails on Python 3.12 and newer; 3.1.10 works on all.
 COMPILE := $(BIN)/pip-compile --quiet --strip-extras --no-header --no-annotate --no-emit-index-url --no-emit-find-links \
 	--no-emit-trusted-host --unsafe-package pyglet
 WINDOW := --unsafe-package imageio

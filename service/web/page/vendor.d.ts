@@ -1,3 +1,3 @@
-/** three.js brings no types. */
+/** three.js comes without types. */
 declare module "three";
 declare module "three/addons/*";

@@ -1,5 +1,5 @@
 // @ts-check
-/** Requests to the HTTP API of this server, with the API key if one is set; it is kept as long as the tab. */
+/** Requests to the HTTP API of this server, with the API key if one is set. The key is kept as long as the tab is open. */
 import { keep, read } from "./storage.js";
 import { PROBLEMS, TEXTS } from "./texts.js";
 
@@ -8,7 +8,7 @@ const RETRY_MILLISECONDS = 1000;
 const ENDED = ["done", "failed", "cancelled"];
 
 /**
- * @typedef {object} Status Of a job, as docs/http.md describes it.
+ * @typedef {object} Status The status of a job, as described in docs/http.md.
  * @property {string} id
  * @property {"queued" | "running" | "done" | "failed" | "cancelled"} state
  * @property {Progress | null} progress
@@ -18,7 +18,7 @@ const ENDED = ["done", "failed", "cancelled"];
  */
 /** @typedef {{stage: string, views_done: number, views: number}} Progress */
 
-/** An error with a sentence of the page, the server's detail, and its HTTP status: 0 where it did not answer. */
+/** An error with a message of the page, the server's detail, and the HTTP status, 0 if the server did not answer. */
 export class Problem extends Error {
   /**
    * @param {number} status
@@ -32,14 +32,15 @@ export class Problem extends Error {
 }
 
 /**
- * @param {string} key Empty to forget it. White space around it, and what has no width, as copied from a mail, are no part of it.
+ * Stores the API key.
+ * @param {string} key Empty to forget it. Surrounding white space and invisible characters, as copied from a mail, are removed.
  */
 export function setKey(key) {
   keep(KEY, key.replace(/[\p{Cc}\p{Cf}]/gu, "").trim());
 }
 
 /**
- * Whether an error says that the user, or other work, ended what failed.
+ * Whether an error means that the user or other work ended the operation.
  * @param {unknown} error
  */
 export function isEnded(error) {
@@ -47,7 +48,7 @@ export function isEnded(error) {
 }
 
 /**
- * What an error says to the user, with the remedy.
+ * Describes an error to the user, with the remedy.
  * @param {unknown} error
  */
 export function describeError(error) {
@@ -59,7 +60,7 @@ export function describeError(error) {
 /**
  * @param {string} path
  * @param {RequestInit} [init]
- * @returns {Promise<Response>} Of a success.
+ * @returns {Promise<Response>} A successful response.
  * @throws {Problem}
  */
 export async function request(path, init = {}) {
@@ -74,7 +75,7 @@ export async function request(path, init = {}) {
 }
 
 /**
- * A text as `fetch` takes it in a header, each byte of its UTF-8 a character: it refuses characters of more than a byte.
+ * Encodes a text for a header of `fetch`, with a character for each byte of its UTF-8: `fetch` refuses characters of more than a byte.
  * @param {string} text
  */
 function encodeHeader(text) {
@@ -82,7 +83,7 @@ function encodeHeader(text) {
 }
 
 /**
- * Whether the browser still reads the files of a form: it doesn't where one has changed since it was chosen.
+ * Whether the browser can still read the files of a form: it can't if one has changed since it was chosen.
  * @param {FormData} form
  */
 function isReadable(form) {
@@ -106,7 +107,7 @@ export class Job {
 
   /**
    * Posts a job.
-   * @param {string} kind Such as `reconstructions`.
+   * @param {string} kind The kind of job, such as `reconstructions`.
    * @param {FormData} form
    * @param {AbortSignal} signal
    */
@@ -151,7 +152,7 @@ export class Job {
     await request(this.url, { method: "DELETE" });
   }
 
-  /** Cancels the job unless it has ended: that would remove its result. */
+  /** Cancels the job unless it has ended, as that would remove its result. */
   async cancelRunning() {
     const { state } = await (await request(this.url)).json();
     if (!ENDED.includes(state)) await this.cancel();
@@ -159,7 +160,7 @@ export class Job {
 }
 
 /**
- * Server-sent events (HTML, section 9.2): `EventSource` sends no key.
+ * Reads server-sent events (HTML, section 9.2), since `EventSource` can't send a key.
  * @param {string} path
  * @param {string} last The id of the last event that was received.
  * @param {AbortSignal} signal

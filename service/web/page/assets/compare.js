@@ -1,5 +1,5 @@
 // @ts-check
-/** Two of several pictures of one view at the same spot, with a divider between them, a common zoom, and what differs from the truth. */
+/** Compares two of several pictures of one view at the same spot, with a divider, a common zoom, and the difference from the truth. */
 import { describeError, isEnded } from "./client.js";
 import { make } from "./dom.js";
 import { followGestures } from "./gestures.js";
@@ -7,19 +7,19 @@ import { measureQuality } from "./score.js";
 import { PICTURE_TEXTS } from "./texts.js";
 
 const FEWEST = 8; // pixels of the largest picture across the frame at the strongest zoom
-const DIFFERENCE = 4; // times which a difference is made brighter
+const DIFFERENCE = 4; // factor by which a difference is made brighter
 
-/** @typedef {{name: string, make: (signal: AbortSignal) => Promise<Blob>}} Way To make a picture of the view. */
+/** @typedef {{name: string, make: (signal: AbortSignal) => Promise<Blob>}} Way A way to make a picture of the view. */
 /** @typedef {{picture: HTMLCanvasElement, difference?: HTMLCanvasElement, quality?: {psnr: number, ssim: number}}} Made */
 
 /**
- * Shows two pictures of several, the second at the right of a divider.
- * @param {HTMLElement} element What is in it is replaced.
- * @param {Way[]} ways Those of any sizes are shown in that of the largest. Each is made when it is first shown.
+ * Shows two of several pictures, the second to the right of a divider.
+ * @param {HTMLElement} element Its content is replaced.
+ * @param {Way[]} ways Pictures of different sizes are shown in the size of the largest. Each is made when it is first shown.
  * @param {[number, number]} shown The ways that are shown first.
- * @param {Blob | undefined} truth What they should look like: a direct rendering of the mesh.
- * @param {AbortSignal} signal Ends the making of these two.
- * @param {(action: (signal: AbortSignal) => Promise<void>) => Promise<void>} perform Makes others in place of what is being made.
+ * @param {Blob | undefined} truth The ideal picture: a direct rendering of the mesh.
+ * @param {AbortSignal} signal Ends the work on the first two pictures.
+ * @param {(action: (signal: AbortSignal) => Promise<void>) => Promise<void>} perform Makes other pictures in place of those that are being made.
  */
 export async function showComparison(element, ways, shown, truth, signal, perform) {
   const ideal = truth && (await readPicture(truth));
@@ -109,7 +109,7 @@ function draw(canvas) {
 }
 
 /**
- * A picture with how it differs from the truth, in the truth's size.
+ * Returns a picture with its difference from the truth, in the truth's size.
  * @param {HTMLCanvasElement} picture
  * @param {HTMLCanvasElement} [truth]
  * @returns {Made}

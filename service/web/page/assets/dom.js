@@ -1,8 +1,8 @@
 // @ts-check
-/** Elements by id, and new ones; texts never become markup. */
+/** Finds elements by id and makes new ones; texts never become markup. */
 
 /**
- * The element with an id.
+ * Returns the element with an id.
  * @template {HTMLElement} T
  * @param {string} id
  * @param {new () => T} type
@@ -15,7 +15,7 @@ export function find(id, type) {
 }
 
 /**
- * A new element.
+ * Makes a new element.
  * @template {keyof HTMLElementTagNameMap} T
  * @param {T} tag
  * @param {string | Node[]} [content] A text, or children.
@@ -31,7 +31,7 @@ export function make(tag, content = "", attributes = {}) {
 }
 
 /**
- * An image of a picture, decoded.
+ * Makes an image of a picture and decodes it.
  * @param {Blob} picture
  * @param {Record<string, string>} [attributes]
  */

@@ -1,15 +1,15 @@
 // @ts-check
-/** The viewer alone, for an iframe: `#job=ID` shows a job of `format=tiles`, `#scene=vase&lenses=50x50` a shipped scene with settings. */
+/** The viewer alone, for an iframe. `#job=ID` shows a job of `format=tiles`, `#scene=vase&lenses=50x50` a shipped scene with settings. */
 import { describeError, Job, Problem, request } from "./client.js";
 import { make } from "./dom.js";
 import { PLACE, showLightField } from "./light_field.js";
 import { PICTURE_TEXTS, SENTENCES, writeTexts } from "./texts.js";
 
-/** What the address says of the picture, not of the light field: of the viewer's place, and of the page. */
+/** Settings in the address that concern the viewpoint and the page, not the light field. */
 const SHOWN = [...PLACE, "show"];
 const holder = /** @type {HTMLElement} */ (document.querySelector("main > div"));
 
-/** @param {string} text Shown in place of what is there. */
+/** @param {string} text Replaces the content. */
 function show(text) {
   holder.replaceChildren(make("p", text, { role: "status" }));
 }
@@ -20,7 +20,7 @@ function showProgress({ progress }) {
 }
 
 /**
- * The result of a job.
+ * Fetches the result of a job.
  * @param {string} id
  */
 async function fetchResult(id) {
@@ -29,7 +29,7 @@ async function fetchResult(id) {
   });
 }
 
-/** The light field that the address names. */
+/** Opens the light field that the address names. */
 async function open() {
   const { job, ...settings } = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
   if (job) return fetchResult(job);

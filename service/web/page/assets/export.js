@@ -9,23 +9,23 @@ import { FORMATS, GROUPS, TEXTS } from "./texts.js";
  * @typedef {object} Group Formats of one kind of job.
  * @property {string} kind
  * @property {string[]} formats
- * @property {Record<string, string>} [fields] Options that make it.
- * @property {string[]} [needs] Options that the user gives.
- * @property {string[]} [only] The kinds of inputs that it is for.
+ * @property {Record<string, string>} [fields] Fixed options of these jobs.
+ * @property {string[]} [needs] Options that the user has to give.
+ * @property {string[]} [only] The kinds of inputs for which the group is offered.
  */
 
 const PICTURES = ["png", "tiff", "jpeg", "webp"];
 const VIDEOS = ["mp4", "webm", "gif", "animated-webp"];
 const MESHES = ["mesh", "scene"];
-/** Options that some formats need, with an example if there is one; those in CHOICES are one of these, those in FILES the texts of files. */
+/** Options that some formats need, with an example if there is one. Those in CHOICES take one of its values, and those in FILES the text of a file. */
 const EXAMPLES = /** @type {Record<string, string>} */ ({ stack: "-1:1:16", time: "0:1:24", rotate: "0:360:60", epi: "" });
-/** Those of `renderer/displays/devices.py`. */
+/** The values of options that have fixed ones; the devices are those of `renderer/displays/devices.py`. */
 export const CHOICES = /** @type {Record<string, string[]>} */ ({
   device: ["portrait", "go", "16-landscape", "16-portrait", "32-landscape", "32-portrait", "65", "8.9"],
 });
 const FILES = /** @type {Record<string, string>} */ ({ calibration: ".json", display: ".toml" });
 
-/** @type {Record<string, Group>} By the names of `GROUPS`, those with the same start being one group. */
+/** @type {Record<string, Group>} Groups by their names in `GROUPS`. Entries whose first word is the same form one group. */
 export const EXPORTS = {
   view: { kind: "reconstructions", formats: PICTURES },
   times: { kind: "reconstructions", formats: [...VIDEOS, "zip"], needs: ["time"], only: ["mesh"] },
@@ -44,15 +44,15 @@ export const EXPORTS = {
   stack: { kind: "planes", formats: ["zip", "stack", "npy", "npz", ...VIDEOS], needs: ["stack"] },
   disparities: { kind: "disparities", formats: ["pfm", "png", "npy", "viridis", "zip", "glb", "ply"] },
 };
-/** Options that a kind of job has no use for, and those that it has none for if the input is a mesh. */
+/** Options that a kind of job can't use, and options that it can't use if the input is a mesh. */
 const USELESS = /** @type {Record<string, string[]>} */ ({ displays: ["model", "scale"], elementals: ["model", "scale"] });
 const USELESS_OF_MESH = /** @type {Record<string, string[]>} */ ({
   displays: ["lenses", "pixels"],
   disparities: ["model", "scale"],
 });
-/** What is put after an input's name, by kinds of jobs. A quilt has its layout there, which displays read. */
+/** What follows an input's name in the name of the download, by kind of job. For a quilt it is the layout, which displays read. */
 const ENDS = /** @type {Record<string, string>} */ ({ reconstructions: "_view", elementals: "_eia", planes: "_plane", disparities: "_depth" });
-/** Formats whose suffix is also that of others. */
+/** Formats whose suffix other formats have too. */
 const NAMED = ["eia", "mosaic", "eslf", "epi", "tiles", "mat73", "lenticular", "panel", "viridis"];
 
 const form = find("export-form", HTMLFormElement);
@@ -61,8 +61,8 @@ const needed = find("needed", HTMLElement);
 let isMesh = false;
 
 /**
- * Offers the formats that an input can be written in.
- * @param {string} input What it is.
+ * Offers the formats in which an input can be written.
+ * @param {string} input The kind of input.
  */
 export function offerFormats(input) {
   isMesh = MESHES.includes(input);
@@ -93,7 +93,7 @@ function showFields() {
   fillFocus();
 }
 
-/** Fills in the disparity that the light field is focused on, unless the user has given another. */
+/** Fills in the disparity at which the light field is focused, unless the user has given another. */
 function fillFocus() {
   const field = form.elements.namedItem("disparity");
   if (!(field instanceof HTMLInputElement) || field.value !== field.defaultValue) return;
@@ -101,9 +101,9 @@ function fillFocus() {
 }
 
 /**
- * Begins to listen.
- * @param {(kind: string, fields: Record<string, string | Blob>) => void} save Makes a file of what is open, with the settings as
- *   they are, over which `fields` win, and downloads it.
+ * Starts listening to events.
+ * @param {(kind: string, fields: Record<string, string | Blob>) => void} save Makes a file from the open input, with the current
+ *   settings, which `fields` override, and downloads it.
  */
 export function watchExport(save) {
   select.addEventListener("change", showFields);
@@ -121,9 +121,9 @@ export function watchExport(save) {
 }
 
 /**
- * What a download is called after the name of its input, such as `_view`.
- * @param {string} kind Of its job.
- * @param {Record<string, string | Blob>} fields Of its form.
+ * Returns what follows the name of the input in the name of a download, such as `_view`.
+ * @param {string} kind The kind of its job.
+ * @param {Record<string, string | Blob>} fields The fields of its form.
  */
 export function nameResult(kind, { views, stack, rotate, format }) {
   const isAnimation = kind === "reconstructions" && !PICTURES.includes(String(format)); // of one view
@@ -133,10 +133,11 @@ export function nameResult(kind, { views, stack, rotate, format }) {
 }
 
 /**
- * Saves a result under the name of its input, what it is, and the end of its own name: the suffix, and the layout of a quilt.
+ * Saves a result. Its file name consists of the input's name, the kind of result, and the end of the name that the server gives
+ * it: the suffix, and the layout of a quilt.
  * @param {Response} response
- * @param {string} stem As `nameStem` gives it.
- * @param {string} what As `nameResult` gives it.
+ * @param {string} stem The result of `nameStem`.
+ * @param {string} what The result of `nameResult`.
  */
 export async function saveResponse(response, stem, what) {
   const end = /filename="[0-9a-f]*([^"]*)"/.exec(response.headers.get("Content-Disposition") ?? "")?.[1] ?? "";

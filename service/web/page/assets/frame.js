@@ -1,5 +1,5 @@
 // @ts-check
-/** The frame of the page: it shows one thing at a time, and makes what is to be shown. */
+/** The frame of the page: it shows one thing at a time, and makes it. */
 import { Job } from "./client.js";
 import { showComparison } from "./compare.js";
 import { decodeImage, find, make } from "./dom.js";
@@ -20,15 +20,15 @@ import { SENTENCES, TEXTS } from "./texts.js";
 
 const frame = find("frame", HTMLElement);
 /** @typedef {{picture: Blob, status: import("./client.js").Status}} Made A picture, and the job that made it. */
-/** @type {WeakMap<Input, Map<string, Made>>} Pictures of an input, by what they were made with. */
+/** @type {WeakMap<Input, Map<string, Made>>} The pictures of an input, by the fields that made them. */
 const pictures = new WeakMap();
 /** @type {LensGrid | undefined} The lens grid that is shown. */
 let lensGrid;
-/** Closes what is in the frame. */
+/** Closes the content of the frame. */
 let closeShown = () => {};
 
 /**
- * Shows an element in the frame, in place of what is there.
+ * Shows an element in the frame, in place of the previous one.
  * @param {HTMLElement} element
  * @param {string} caption
  * @param {() => void} close Called when something else takes its place.
@@ -53,7 +53,7 @@ export async function makeShown(input, settings, mode, signal) {
   const isUnknown = input.kind === "picture" && !LENSES.some((name) => settings[name]);
   if (mode === "grid" || isUnknown) return showGrid(input, settings, isUnknown, signal);
   const isMapped = mode === "mapped" || (mode === "upscaled" && settings.model === "none");
-  const isKept = isMapped && !isMesh(input); // of a mesh it is a preview
+  const isKept = isMapped && !isMesh(input); // for a mesh it is a preview
   await showPicture(await makeMapped(input, settings, signal, isKept), TEXTS.mapped, signal);
   if (mode === "upscaled" && !isMapped) {
     await showPicture(await makePicture(input, settings, TEXTS.upscaled, signal, true), TEXTS.upscaled, signal);
@@ -68,7 +68,7 @@ function isMesh({ kind }) {
 }
 
 /**
- * Shows the picture with its lens grid, and the view that is mapped by it.
+ * Shows the picture with its lens grid, and the view that this grid maps.
  * @param {Input} input
  * @param {Settings} settings
  * @param {boolean} isUnknown Whether the lenses are still to be given.
@@ -99,7 +99,7 @@ async function showGrid(input, settings, isUnknown, signal) {
 }
 
 /**
- * The lens grid of a raw picture, where options leave some of it to be found.
+ * Finds the lens grid of a raw picture, as far as the options don't give it.
  * @param {Input} input
  * @param {Record<string, string>} options
  * @param {AbortSignal} signal
@@ -110,7 +110,7 @@ async function findGrid(input, options, signal) {
 }
 
 /**
- * Makes the centre view. That of a mesh which is being turned is neither listed nor kept.
+ * Makes the centre view. While a mesh is being turned, the view is neither listed nor kept.
  * @param {Input} input
  * @param {Record<string, string>} fields
  * @param {string} what
@@ -147,7 +147,7 @@ function makeMapped(input, settings, signal, isKept) {
 }
 
 /**
- * Shows the centre view as it is made in several ways, and the truth of a mesh.
+ * Shows the centre view as made in several ways, and for a mesh the truth.
  * @param {Input} input
  * @param {Settings} settings
  * @param {AbortSignal} signal
@@ -169,7 +169,7 @@ async function showCompared(input, settings, signal) {
 }
 
 /**
- * Shows all views: as mapped, until they are upscaled.
+ * Shows all views, as mapped until they are upscaled.
  * @param {Input} input
  * @param {Settings} settings
  * @param {AbortSignal} signal
@@ -193,11 +193,11 @@ async function showAround(input, settings, signal) {
 }
 
 /**
- * Shows the views of a response; the frame has what was there until the first of them are loaded.
+ * Shows the views of a response. The frame keeps its content until the first of them are loaded.
  * @param {HTMLElement} holder
  * @param {Response} response
  * @param {AbortSignal} signal
- * @param {number} [scale] Of `showLightField`.
+ * @param {number} [scale] As in `showLightField`.
  */
 export function showViews(holder, response, signal, scale) {
   return showLightField(holder, response, { scale, signal, place: (stage) => fill(holder, "", () => stage.close()) });
@@ -216,11 +216,11 @@ export async function showPicture(picture, what, signal) {
 }
 
 /**
- * Runs a job of an input.
+ * Runs a job on an input.
  * @param {Input} input
  * @param {string} plural
  * @param {Record<string, string | Blob>} fields
- * @param {string} what It makes.
+ * @param {string} what The kind of result.
  * @param {AbortSignal} signal
  * @param {boolean} [isKept] Whether the job is listed.
  */

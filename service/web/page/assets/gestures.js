@@ -1,23 +1,23 @@
 // @ts-check
-/** Zooms a picture and moves what is seen of it: drag, wheel, pinch, keys. */
+/** Zooms and pans a picture by dragging, wheel, pinch and keys. */
 
 const STEP = 0.5; // of a key, in doublings
-const NOTCH = 400; // of a wheel: that many pixels double
-const SHARE = 0.25; // of what is seen, by which an arrow key moves it
+const NOTCH = 400; // pixels of the wheel that double the zoom
+const SHARE = 0.25; // of the visible part, by which an arrow key moves it
 const KEYS = /** @type {Record<string, [number, number]>} */ ({ ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] });
 const ZOOM_KEYS = /** @type {Record<string, number>} */ ({ "+": STEP, "=": STEP, "-": -STEP, 0: -Infinity });
 
 /**
- * Begins to listen. What is shown are the style properties `--zoom`, a factor, and `--x` and `--y`, where the picture begins.
- * @param {HTMLElement} element What is looked at.
- * @param {HTMLInputElement} slider Its zoom in doublings, from 0.
- * @param {() => void} changed Called where it shows something else.
- * @returns {() => void} Shows it again, after the slider's range has changed.
+ * Starts listening to events. The result is in the style properties `--zoom`, a factor, and `--x` and `--y`, where the picture begins.
+ * @param {HTMLElement} element The element with the picture.
+ * @param {HTMLInputElement} slider The zoom in doublings, from 0.
+ * @param {() => void} changed Called when another part of the picture is shown.
+ * @returns {() => void} Updates the picture after the slider's range has changed.
  */
 export function followGestures(element, slider, changed = () => {}) {
-  /** The share of the picture left of and above what is seen. */
+  /** The shares of the picture to the left of the visible part and above it. */
   const start = [0, 0];
-  /** @type {Map<number, number[]>} Places of the pointers that are down. */
+  /** @type {Map<number, number[]>} The places of the pointers that are down. */
   const pointers = new Map();
   let doublings = 0;
 
@@ -78,7 +78,7 @@ export function followGestures(element, slider, changed = () => {}) {
 }
 
 /**
- * The middle of places, and how far two of them are from each other; 0 for one.
+ * Returns the middle of places, and the distance between two of them, or 0 for a single one.
  * @param {number[][]} places
  */
 function measureSpread(places) {

@@ -1,15 +1,15 @@
 // @ts-check
-/** A lens grid over the picture that it was found in, which is dragged right. */
+/** A lens grid over the picture in which it was found; the user can correct it by dragging. */
 import { make } from "./dom.js";
 import { followGestures } from "./gestures.js";
 import { HALF, findCentre, findLens, findNearest, isRaw, listDivisors, readShape, sizeOf } from "./lenses.js";
 import { PICTURE_TEXTS, SENTENCES, TEXTS } from "./texts.js";
 
 const NEAREST = 8; // pixels of the screen between lenses that are drawn, at least
-const STEP = 0.2; // pixels of the picture, of an arrow key
+const STEP = 0.2; // pixels of the picture for each press of an arrow key
 const KEYS = /** @type {Record<string, [number, number]>} */ ({ ArrowLeft: [0, -1], ArrowRight: [0, 1], ArrowUp: [-1, 0], ArrowDown: [1, 0] });
 const RADIUS = 0.42; // of a lens as it is drawn, in pitches
-const USUAL_PIXELS = 15; // of an elemental image, where nothing is known
+const USUAL_PIXELS = 15; // of an elemental image, if nothing is known
 
 /** @typedef {import("./lenses.js").Cells} Cells */
 /** @typedef {import("./lenses.js").Place} Place */
@@ -18,9 +18,9 @@ const USUAL_PIXELS = 15; // of an elemental image, where nothing is known
 /** A picture with its lens grid. */
 export class LensGrid {
   /**
-   * @param {HTMLElement} element What is in it is replaced.
+   * @param {HTMLElement} element Its content is replaced.
    * @param {HTMLImageElement} image The picture, decoded.
-   * @param {(options: Record<string, string>) => void} change Takes the options that say what was dragged.
+   * @param {(options: Record<string, string>) => void} change Called with the options that result from dragging.
    */
   constructor(element, image, change) {
     this.element = element;
@@ -58,7 +58,7 @@ export class LensGrid {
   /** @param {RawGrid | Cells} grid */
   draw(grid) {
     if (isRaw(this.grid) && isRaw(grid) && this.anchor && this.end) {
-      this.anchor = findLens(grid, findCentre(this.grid, this.anchor)); // as before, by the new grid's numbers
+      this.anchor = findLens(grid, findCentre(this.grid, this.anchor)); // the same places, by the new grid's numbers
       this.end = findLens(grid, findCentre(this.grid, this.end));
     } else if (isRaw(this.grid) !== isRaw(grid)) this.anchor = undefined;
     this.grid = grid;
@@ -75,12 +75,12 @@ export class LensGrid {
     this.view = view;
   }
 
-  /** Pixels of the screen for one of the picture. */
+  /** Pixels of the screen for each pixel of the picture. */
   get #scale() {
     return (this.frame.clientWidth / this.size[1]) * 2 ** Number(this.slider.value);
   }
 
-  /** The part of the picture that is seen. */
+  /** Returns the visible part of the picture. */
   #readWindow() {
     const frame = this.frame.getBoundingClientRect(), layer = this.layer.getBoundingClientRect(), scale = this.#scale;
     const top = (frame.top - layer.top) / scale, left = (frame.left - layer.left) / scale;
@@ -93,7 +93,7 @@ export class LensGrid {
     return top < y && y < bottom && left < x && x < right;
   }
 
-  /** Places the handles on lenses that are seen, unless one is dragged, and draws. */
+  /** Places the handles on visible lenses, unless one is being dragged, and draws. */
   #look() {
     if (this.frame.clientWidth === 0) return; // not shown
     this.image.style.imageRendering = this.#scale > 1 ? "pixelated" : "auto";
@@ -128,7 +128,7 @@ export class LensGrid {
   }
 
   /**
-   * Where the second handle is.
+   * Returns the place of the second handle.
    * @returns {Place}
    */
   #findEnd() {
@@ -137,7 +137,7 @@ export class LensGrid {
   }
 
   /**
-   * How many fit into the picture.
+   * Counts how many cells fit into the picture.
    * @param {Cells} cells
    */
   #count({ size }) {
@@ -146,7 +146,7 @@ export class LensGrid {
 
   /**
    * Moves all lenses.
-   * @param {Place} to Of the first handle.
+   * @param {Place} to The new place of the first handle.
    */
   #move(to) {
     if (!isRaw(this.grid) || !this.anchor) return;
@@ -157,7 +157,7 @@ export class LensGrid {
 
   /**
    * Changes pitch and rotation about the first handle, or the size of elemental images.
-   * @param {Place} to Of the second handle.
+   * @param {Place} to The new place of the second handle.
    */
   #turn(to) {
     const { grid, end = [1, 1] } = this;
@@ -205,7 +205,7 @@ export class LensGrid {
       delete handle.dataset.held;
     });
     handle.addEventListener("pointerdown", (event) => {
-      event.stopPropagation(); // the picture stays
+      event.stopPropagation(); // the picture must not move
       handle.setPointerCapture(event.pointerId);
       handle.dataset.held = "";
       const begin = locate(), { clientX, clientY } = event;
@@ -220,7 +220,7 @@ export class LensGrid {
   }
 
   /**
-   * Where the corner is dragged for the next size that divides the picture.
+   * Returns the place of the corner for the next size that divides the picture.
    * @param {[number, number]} way
    * @returns {Place}
    */
@@ -245,9 +245,9 @@ export class LensGrid {
 }
 
 /**
- * What is repeated over a raw picture.
+ * Draws the pattern that is repeated over a raw picture.
  * @param {RawGrid} grid
- * @param {number} step Every so many lenses are drawn, in rows and in columns: a power of 2.
+ * @param {number} step One lens in `step` is drawn in each row and column: a power of 2.
  * @param {number} radius
  */
 function drawLenses(grid, step, radius) {
@@ -265,9 +265,9 @@ function drawLenses(grid, step, radius) {
 }
 
 /**
- * What is repeated over elemental images.
+ * Draws the pattern that is repeated over elemental images.
  * @param {Cells} cells
- * @param {number} step Every so many are drawn.
+ * @param {number} step One in `step` is drawn.
  */
 function drawCells({ size }, step) {
   const [height, width] = size.map((side) => side * step);

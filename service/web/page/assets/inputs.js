@@ -1,5 +1,5 @@
 // @ts-check
-/** What the page opens: a shipped scene, a file, or several files that travel as one zip. */
+/** Inputs of the page: a shipped scene, a file, or several files that are sent as one zip. */
 import { Job } from "./client.js";
 import { decodeImage } from "./dom.js";
 import { SENTENCES, TEXTS } from "./texts.js";
@@ -7,11 +7,11 @@ import { writeZip } from "./zip.js";
 
 /**
  * @typedef {object} Input
- * @property {string} name As the user knows it.
- * @property {string} [kind] What it is, a name in `KINDS`, once that is known.
- * @property {string} [scene] A shipped scene, in place of a file.
+ * @property {string} name The name that the user knows.
+ * @property {string} [kind] The kind of input, a name in `KINDS`, once that is known.
+ * @property {string} [scene] A shipped scene, instead of a file.
  * @property {File} [file]
- * @property {{name: string, file: File}[]} [parts] The files of one that holds several.
+ * @property {{name: string, file: File}[]} [parts] The files, if there are several.
  * @property {boolean} [isFolder] Whether the name is a folder's.
  */
 
@@ -22,19 +22,19 @@ import { writeZip } from "./zip.js";
  */
 
 /**
- * What an input is.
+ * The description of an input.
  * @typedef {object} Description
  * @property {string} kind A name in `KINDS`.
- * @property {Candidate[]} candidates The likeliest first.
+ * @property {Candidate[]} candidates The likeliest one comes first.
  * @property {string[]} notes
  */
 
-export const MESH = /\.(glb|vrm|gltf|ply|stl|off|obj|dae|3mf)$/i; // as `renderer/readers/registry.py`
-const COMPANION = /\.(mtl|bin|png|jpe?g|webp|tga|bmp|gif|tiff?|exr|hdr|ktx2|dds)$/i; // of a mesh
+export const MESH = /\.(glb|vrm|gltf|ply|stl|off|obj|dae|3mf)$/i; // as in `renderer/readers/registry.py`
+const COMPANION = /\.(mtl|bin|png|jpe?g|webp|tga|bmp|gif|tiff?|exr|hdr|ktx2|dds)$/i; // files that belong to a mesh
 
 /**
- * Several files are named after the folder of them all, or the mesh among them.
- * @param {{name: string, file: File}[]} files With their paths as names.
+ * Joins files to one input. Several files are named after their common folder, or after the mesh among them.
+ * @param {{name: string, file: File}[]} files Files with their paths as names.
  * @returns {Promise<Input>}
  */
 export async function joinFiles(files) {
@@ -50,7 +50,7 @@ export async function joinFiles(files) {
 }
 
 /**
- * The name of an input as the page shows it.
+ * Returns the name of an input as the page shows it.
  * @param {Input} input
  */
 export function nameInput(input) {
@@ -58,7 +58,7 @@ export function nameInput(input) {
 }
 
 /**
- * The name of an input without its suffix, which that of a folder has none of.
+ * Returns the name of an input without its suffix; the name of a folder has none.
  * @param {Input} input
  */
 export function nameStem(input) {
@@ -66,7 +66,7 @@ export function nameStem(input) {
 }
 
 /**
- * The files that were dropped, also those in folders.
+ * Lists the files that were dropped, including those in folders.
  * @param {DataTransfer} dropped
  */
 export async function listDropped(dropped) {
@@ -94,13 +94,13 @@ async function listEntry(entry) {
   return (await Promise.all(entries.map(listEntry))).flat();
 }
 
-/** @param {HTMLInputElement} field Of files. */
+/** @param {HTMLInputElement} field A field for files. */
 export function listChosen(field) {
   return [...(field.files ?? [])].map((file) => ({ name: file.webkitRelativePath || file.name, file }));
 }
 
 /**
- * The form of a job.
+ * Makes the form of a job.
  * @param {Input} input
  * @param {Record<string, string | Blob>} fields
  */
@@ -113,10 +113,10 @@ export function makeForm(input, fields) {
 }
 
 /**
- * What an input is: found in its content by the server.
+ * Describes an input, whose content the server inspects.
  * @param {Input} input
  * @param {AbortSignal} signal
- * @param {Record<string, string>} [options] That say how it is read.
+ * @param {Record<string, string>} [options] Options that say how it is read.
  * @returns {Promise<Description>}
  */
 export async function describe(input, signal, options = {}) {
@@ -128,9 +128,9 @@ export async function describe(input, signal, options = {}) {
 }
 
 /**
- * A picture, decoded.
+ * Decodes a picture.
  * @param {File | undefined} file
- * @param {() => Promise<Blob>} read Gives it where the browser doesn't read the file.
+ * @param {() => Promise<Blob>} read Makes the picture if the browser can't read the file.
  */
 export async function readImage(file, read) {
   return (file ? decodeImage(file) : Promise.reject()).catch(async () => decodeImage(await read()));

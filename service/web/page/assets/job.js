@@ -1,5 +1,5 @@
 // @ts-check
-/** What the page works on, one thing at a time: the progress of its job, cancelling, what failed, and where the time went. */
+/** The work of the page, one thing at a time: the progress of its job, cancelling, errors, and where the time went. */
 import { isEnded, Problem } from "./client.js";
 import { find, make } from "./dom.js";
 import { markJob } from "./recent.js";
@@ -15,38 +15,38 @@ const problem = find("problem", HTMLElement);
 const restart = find("restart", HTMLButtonElement);
 const details = find("details", HTMLDetailsElement);
 
-const CANCEL_MILLISECONDS = 5000; // for which the next job waits, at most
-const LONG = 3000; // milliseconds that a job may run on after it is left: its end costs the server a new worker process, which takes about as long
+const CANCEL_MILLISECONDS = 5000; // that the next job waits, at most
+const LONG = 3000; // milliseconds that a job may still run after it is left: ending it costs the server a new worker process, which takes about as long
 const UPLOAD = /(?<!the )\bupload(?:[._][\w.]*\w)?/; // the server's name for a file, with a quilt's layout
-const OWN_NOTES = /^tiles\b/; // of the format in which the viewer takes views, whatever they show
+const OWN_NOTES = /^tiles\b/; // notes on the format in which the viewer gets views, whatever they show
 /**
- * @typedef {object} Place Of what is reported.
- * @property {HTMLElement} line For the state and the time.
- * @property {HTMLElement} notes Below the progress.
- * @property {(problem: HTMLElement) => void} show Puts what failed there.
+ * @typedef {object} Place A place for reports.
+ * @property {HTMLElement} line The line for the state and the time.
+ * @property {HTMLElement} notes The notes below the progress.
+ * @property {(problem: HTMLElement) => void} show Puts a problem there.
  */
-/** @type {Place} Around the picture. */
+/** @type {Place} The place around the picture. */
 const PICTURE = {
   line: find("status", HTMLElement),
   notes: find("notes", HTMLElement),
   show: (problem) => find("stand", HTMLElement).before(problem),
 };
-/** @type {Place} Below the button that begins an export. */
+/** @type {Place} The place below the button that begins an export. */
 export const EXPORT = {
   line: find("exported", HTMLElement),
   notes: find("export-notes", HTMLElement),
-  show: (problem) => find("export-form", HTMLElement).after(problem), // a form can't hold that of the key
+  show: (problem) => find("export-form", HTMLElement).after(problem), // a form can't contain the form for the key
 };
 const CANCELLED = new DOMException(TEXTS.cancelled, "AbortError");
 
 let work = new AbortController();
 /** @type {Job | null} The job of the work, while it runs. */
 let job = null;
-/** The last request to cancel a job: a job that is begun before its end could be the one that it removes. */
+/** The last request to cancel a job. A job that is begun before this request ends could be the one that it removes. */
 let cancelling = Promise.resolve();
 let started = 0;
 let isOwn = true; // whether the work began its job
-let wasDone = false; // before the work asked for it
+let wasDone = false; // whether the job was done before the work requested it
 let place = PICTURE; // where the work is reported
 let isUnfinished = false;
 
@@ -56,17 +56,17 @@ find("cancel", HTMLButtonElement).addEventListener("click", () => {
 });
 
 /**
- * Does work in place of that before, and says how long it took.
+ * Does work in place of the previous work, and reports how long it took.
  * @template T
- * @param {(signal: AbortSignal) => Promise<T>} action It takes the signal to each job, and checks it after each wait.
- * @param {Place} [reported] Where.
- * @returns {Promise<T>} Rejects with an `AbortError` where other work took its place, or the user cancelled it.
+ * @param {(signal: AbortSignal) => Promise<T>} action It passes the signal to each job, and checks it after each wait.
+ * @param {Place} [reported] Where the work is reported.
+ * @returns {Promise<T>} Rejects with an `AbortError` if other work took its place, or the user cancelled it.
  */
 export async function perform(action, reported = PICTURE) {
   const isFocused = [problem, restart].some((each) => each.contains(document.activeElement));
   stop();
   hideProblem();
-  if (isFocused) find("name", HTMLElement).focus({ preventScroll: true }); // what had the focus is hidden
+  if (isFocused) find("name", HTMLElement).focus({ preventScroll: true }); // the element that had the focus is hidden
   if (isUnfinished) showStatus(""); // it was ended
   clearExport();
   [place, isUnfinished] = [reported, true];
@@ -83,7 +83,7 @@ export async function perform(action, reported = PICTURE) {
 }
 
 /**
- * Ends the work: here, and its job on the server once that has run for long.
+ * Ends the work in the page, and its job on the server once that has run for long.
  * @param {DOMException} [reason]
  */
 export function stop(reason) {
@@ -96,7 +96,7 @@ export function stop(reason) {
 }
 
 /**
- * Ends a job that was left and still runs, unless the work has come back to it.
+ * Ends a job that was left and still runs, unless the work has returned to it.
  * @param {Job} left
  */
 function endLeft(left) {
@@ -105,13 +105,13 @@ function endLeft(left) {
   else if (job?.url !== left.url) cancel(left.cancelRunning());
 }
 
-/** @param {Promise<void>} answer To a request that cancels a job. */
+/** @param {Promise<void>} answer The answer to a request that cancels a job. */
 function cancel(answer) {
   const ended = Promise.all([cancelling, answer.catch(() => {})]); // it may have ended by itself
   cancelling = Promise.race([ended, new Promise((resolve) => setTimeout(resolve, CANCEL_MILLISECONDS))]).then(() => {});
 }
 
-/** Ends the work and forgets what it reported. */
+/** Ends the work and clears its reports. */
 export function clear() {
   stop();
   PICTURE.line.textContent = "";
@@ -121,18 +121,18 @@ export function clear() {
   details.hidden = true;
 }
 
-/** Forgets the notes of what was shown. */
+/** Clears the notes on the picture. */
 export function clearNotes() {
   PICTURE.notes.replaceChildren();
 }
 
-/** Forgets what the last export reported. */
+/** Clears the reports of the last export. */
 function clearExport() {
   EXPORT.line.textContent = "";
   EXPORT.notes.replaceChildren();
 }
 
-/** Forgets what the last export reported, as others are chosen, unless it is still being made. */
+/** Clears the reports of the last export when another is chosen, unless it is still being made. */
 export function leaveExport() {
   if (place === EXPORT && !panel.hidden) return;
   clearExport();
@@ -141,16 +141,16 @@ export function leaveExport() {
   restart.hidden = true;
 }
 
-/** @param {string} message For all to read, and for screen readers. */
+/** @param {string} message A message that screen readers read too. */
 export function showStatus(message) {
   place.line.textContent = message;
 }
 
 /**
- * Runs a job of the work to its end, which the list of recent jobs records.
+ * Runs a job of the work to its end, and records its state in the list of recent jobs.
  * @param {() => Promise<Job>} start
- * @param {string} name Of what it makes.
- * @param {AbortSignal} signal Of the work.
+ * @param {string} name The name of its result.
+ * @param {AbortSignal} signal The signal of the work.
  * @param {boolean} [isNew] Whether `start` begins the job.
  * @returns {Promise<{job: Job, response: Response}>}
  */
@@ -176,7 +176,7 @@ export async function run(start, name, signal, isNew = true) {
     showReport(mine.status);
     return { job: mine, response };
   } finally {
-    // A job that was there before, and is left soon, goes on.
+    // A job that existed before and is left soon goes on.
     const isLeft = signal.aborted && signal.reason !== CANCELLED && !isNew && performance.now() - begun < LONG;
     if (mine && !isLeft) markJob(mine.url, signal.aborted ? "cancelled" : mine.status.state);
     if (!signal.aborted) {
@@ -187,8 +187,8 @@ export async function run(start, name, signal, isNew = true) {
 }
 
 /**
- * @param {Status | null} status null while the file is sent.
- * @param {number} begun Milliseconds.
+ * @param {Status | null} status null while the file is being sent.
+ * @param {number} begun The start time in milliseconds.
  */
 function showProgress(status, begun) {
   const { stage, views_done: done, views } = status?.progress ?? { stage: "", views_done: 0, views: 0 };
@@ -203,9 +203,9 @@ function showProgress(status, begun) {
 }
 
 /**
- * Shows what failed, and what helps; after Cancel, a button to start again.
+ * Shows an error and its remedy; after Cancel, a button to start again.
  * @param {unknown} error
- * @param {string} name Of what is open.
+ * @param {string} name The name of the open input.
  * @param {() => void} retry
  */
 export function showProblem(error, name, retry) {
@@ -224,7 +224,7 @@ export function showProblem(error, name, retry) {
   const again = find("retry", HTMLButtonElement);
   again.hidden = status === 401 || (status >= 400 && status < 500 && ![404, 408, 409, 410, 429].includes(status));
   again.onclick = retry;
-  const isSeen = EXPORT.line.closest("form")?.getClientRects().length; // not where no file is open
+  const isSeen = EXPORT.line.closest("form")?.getClientRects().length; // not if no file is open
   (isSeen ? place : PICTURE).show(problem);
   problem.hidden = false;
   problem.scrollIntoView({ block: "nearest" });
@@ -233,14 +233,14 @@ export function showProblem(error, name, retry) {
   [...fields].at(place === EXPORT ? -1 : 0)?.setAttribute("aria-invalid", "true");
 }
 
-/** Hides what failed. */
+/** Hides the error. */
 function hideProblem() {
   problem.hidden = true;
   for (const field of document.querySelectorAll("[aria-invalid]")) field.removeAttribute("aria-invalid");
 }
 
 /**
- * Shows the report of a job: its notes beside those that are shown, and where a picture's time went.
+ * Shows the report of a job: its notes in addition to those that are shown, and where the time for a picture went.
  * @param {Status} status
  */
 export function showReport(status) {

@@ -1,16 +1,16 @@
 // @ts-check
-/** Where lenses lie in a picture: whole elemental images, or any lens grid of a raw picture. */
+/** The places of lenses in a picture: whole elemental images, or any lens grid of a raw picture. */
 
 const ROW_STEP = Math.sqrt(3) / 2; // between rows of a hexagonal grid, in pitches
-/** An offset counts from the centre of a pixel, a place from its corner. */
+/** Offsets count from the centre of a pixel, places from its corner. */
 export const HALF = 0.5;
 
 /**
  * Places in a picture are [y, x] in pixels from its upper left corner.
  * @typedef {[number, number]} Place
  */
-/** @typedef {{pitch: number, offset: Place, rotation: number, shape: string, stretch?: number}} RawGrid Of a raw picture. */
-/** @typedef {{size: Place, isMosaic?: boolean}} Cells Elemental images, or views of a mosaic, and their size. */
+/** @typedef {{pitch: number, offset: Place, rotation: number, shape: string, stretch?: number}} RawGrid The lens grid of a raw picture. */
+/** @typedef {{size: Place, isMosaic?: boolean}} Cells Elemental images, or views of a mosaic, by their size. */
 
 /** @param {RawGrid | Cells} grid @returns {grid is RawGrid} */
 export function isRaw(grid) {
@@ -23,7 +23,7 @@ export function sizeOf(grid) {
 }
 
 /**
- * From row to row, and along every other one, in pitches; and whether they are columns.
+ * Returns the step from row to row and the shift of every other row, in pitches, and whether rows are columns.
  * @param {RawGrid} grid
  */
 export function readShape({ shape, stretch = 1 }) {
@@ -31,7 +31,7 @@ export function readShape({ shape, stretch = 1 }) {
 }
 
 /**
- * The centre of a lens, as `find_centers` of `renderer/readers/lenslet/grid.py`.
+ * Returns the centre of a lens, like `find_centers` of `renderer/readers/lenslet/grid.py`.
  * @param {RawGrid} grid
  * @param {Place} lens
  * @returns {Place}
@@ -48,7 +48,7 @@ export function findCentre(grid, [row, column]) {
 }
 
 /**
- * The lens near a place.
+ * Returns the lens near a place.
  * @param {RawGrid} grid
  * @param {Place} place
  * @returns {Place}
@@ -73,10 +73,10 @@ export function findNearest(sizes, wanted) {
 }
 
 /**
- * The grid that settings give.
+ * Returns the grid that the settings give.
  * @param {Record<string, string>} settings
- * @param {Place} size Of the picture.
- * @returns {RawGrid | Cells | undefined} undefined where the picture has to be looked at.
+ * @param {Place} size The size of the picture.
+ * @returns {RawGrid | Cells | undefined} undefined if the grid has to be found in the picture.
  */
 export function readGrid(settings, size) {
   const { pixels = "", lenses = "", lens_pitch: pitch, lens_offset: offset, lens_rotation: rotation, lens_grid: shape, arrangement } = settings;

@@ -1,5 +1,5 @@
 // @ts-check
-/** Shows a light field that arrives as `format=tiles`: small views first, then rows of views from the middle outwards. */
+/** Shows a light field as it arrives in `format=tiles`: small views first, then rows of views from the middle outwards. */
 import { isEnded } from "./client.js";
 import { PICTURE_TEXTS } from "./texts.js";
 import { Stage } from "./viewer/page.js";
@@ -9,22 +9,22 @@ import { Stage } from "./viewer/page.js";
 
 const MEMBER = 0x04034b50, DIRECTORY = 0x02014b50; // of a zip (APPNOTE.TXT 6.3.10, sections 4.3.7 and 4.3.12)
 const HEADER = 30; // bytes of a member before its name
-/** The settings in the address that say what is seen of a light field. */
+/** The settings in the address that determine how a light field is seen. */
 export const PLACE = ["v", "u", "focus", "aperture"];
-/** @type {WeakMap<HTMLElement, Stage>} What is shown in each element. */
+/** @type {WeakMap<HTMLElement, Stage>} The stage in each element. */
 const shown = new WeakMap();
 
 /**
- * Shows a light field in an element, in place of what is there, while its tiles arrive. The viewpoint in the address is kept
- * unless a light field of another size was there. One of the same size goes into the viewer that is there.
+ * Shows a light field in an element while its tiles arrive, in place of the previous content. The viewpoint in the address is kept
+ * unless the previous light field had another size. A light field of the same size reuses the viewer.
  * @param {HTMLElement} element
  * @param {Response} response
  * @param {object} options
- * @param {number} [options.scale] By how many times larger these views are shown, until the larger ones follow.
+ * @param {number} [options.scale] By what factor these views are enlarged, until the larger ones follow.
  * @param {AbortSignal} [options.signal] Ends the loading.
  * @param {(stage: Stage) => void} [options.place] Called with a new viewer when it has something to show; the caller closes it.
- * @returns {Promise<Stage>} When all views are there.
- * @throws {Error} For what is no light field, without WebGL 2, and where the connection breaks.
+ * @returns {Promise<Stage>} Resolves when all views are loaded.
+ * @throws {Error} If the response is not a light field, WebGL 2 is missing, or the connection breaks.
  */
 export async function showLightField(element, response, { scale = 1, signal, place } = {}) {
   const previous = shown.get(element);
@@ -68,7 +68,7 @@ export async function showLightField(element, response, { scale = 1, signal, pla
 }
 
 /**
- * The stored members of a zip, as they arrive.
+ * Yields the stored members of a zip as they arrive.
  * @param {Response} response
  */
 async function* readMembers(response) {
@@ -88,7 +88,7 @@ async function* readMembers(response) {
 }
 
 /**
- * A function that reads the next `count` bytes.
+ * Returns a function that reads the next `count` bytes.
  * @param {ReadableStreamDefaultReader<Uint8Array>} reader
  */
 function readExactly(reader) {

@@ -1,5 +1,5 @@
 // @ts-check
-/** The page: what is opened is shown as mapped at once, then as the user chose. */
+/** The page. An input is first shown as mapped, then as the user chose. */
 import { isEnded, Job, Problem, request, setKey } from "./client.js";
 import { find, make } from "./dom.js";
 import { nameResult, offerFormats, saveResponse, watchExport } from "./export.js";
@@ -17,17 +17,17 @@ import { KINDS, SENTENCES, TEXTS, writeTexts } from "./texts.js";
 /** @typedef {import("./recent.js").Entry} Entry */
 
 const SETTLE_MILLISECONDS = 250; // after a change of a setting, as a key may be pressed again
-const MESH_PIXELS = "7x7"; // of a mesh that is opened, as of the examples: the 15x15 of the server take four times as long
-/** Settings that the viewpoint or the focus depends on. */
+const MESH_PIXELS = "7x7"; // for meshes, as for the examples: the server's default of 15x15 takes four times as long
+/** Settings on which the viewpoint or the focus depends. */
 const PLACED = [...LENSES, "rotate", "zoom", "place", "up", "time"];
 const modes = /** @type {HTMLInputElement[]} */ ([...document.querySelectorAll("[name=show]")]);
-const save = find("save", HTMLButtonElement); // of a recent job whose file is not open, and which nothing else can be exported from
-/** @type {Input | null} What is open. */
+const save = find("save", HTMLButtonElement); // for a recent job whose file is not open, so that nothing else can be exported
+/** @type {Input | null} The open input. */
 let input = null;
-/** @type {Record<string, string> | null} The settings of what is open as it was last made. */
+/** @type {Record<string, string> | null} The settings with which the open input was last shown. */
 let made = null;
 
-/** Ends and forgets all of what is open. */
+/** Ends all work and closes the open input. */
 function leave() {
   clear();
   closeMesh();
@@ -39,9 +39,9 @@ function leave() {
 }
 
 /**
- * Does work in place of that before, and shows what fails.
- * @param {(signal: AbortSignal) => Promise<string | void>} action Gives what the user has to do next, if anything.
- * @param {string} [name] Of what it is about, where nothing is open.
+ * Does work in place of the previous work, and shows errors.
+ * @param {(signal: AbortSignal) => Promise<string | void>} action Returns what the user has to do next, if anything.
+ * @param {string} [name] The name to show if nothing is open.
  * @param {import("./job.js").Place} [place] Where it is reported.
  * @returns {Promise<void>}
  */
@@ -58,7 +58,7 @@ async function attempt(action, name = "", place) {
 }
 
 /**
- * Opens an input: says what it is, and shows it.
+ * Opens an input, says what it is, and shows it.
  * @param {Promise<Input> | Input} chosen
  */
 function open(chosen) {
@@ -83,7 +83,7 @@ function open(chosen) {
 }
 
 /**
- * The settings of the address, if it names what is opened; they are of no use to another file, which then takes their place there.
+ * Returns the settings of the address if it names this input. Otherwise they don't apply, and the input replaces them in the address.
  * @param {Input} given
  */
 function takeSettings({ name, scene: own }) {
@@ -96,7 +96,7 @@ function takeSettings({ name, scene: own }) {
 
 /**
  * @param {string} name
- * @param {string} what It is.
+ * @param {string} what The kind of input.
  */
 function writeName(name, what) {
   find("name", HTMLElement).textContent = name;
@@ -116,14 +116,14 @@ function showPart(part) {
   if (isLost) find(part === "start" ? "files" : "name", HTMLElement).focus();
 }
 
-/** Shows what is open as the user chose, unless it is still being read. */
+/** Shows the open input as the user chose, unless it is still being read. */
 async function show() {
   const opened = input;
   if (opened) await attempt((signal) => makeChosen(opened, signal));
 }
 
 /**
- * Makes and shows what the settings say, which go into the address.
+ * Makes and shows what the settings say, and puts them into the address.
  * @param {Input} opened
  * @param {AbortSignal} signal
  */
@@ -137,8 +137,8 @@ function makeChosen(opened, signal) {
 }
 
 /**
- * Puts the input and its settings into the address. Other lenses have other views, and make of what is nearer or turned
- * another disparity.
+ * Puts the input and its settings into the address. The viewpoint is dropped if the lenses change, which changes the views, and
+ * the focus if the lenses or the object's pose change, which changes disparities.
  * @param {Record<string, string>} settings
  */
 function keepState(settings) {
@@ -149,7 +149,7 @@ function keepState(settings) {
 }
 
 /**
- * Opens a job of the list: a shipped scene with its settings, else its result, once it is done.
+ * Opens a job of the list: a shipped scene with its settings, or otherwise the job's result, once it is done.
  * @param {Entry} entry
  */
 function reopen(entry) {
@@ -191,7 +191,7 @@ function reopen(entry) {
 }
 
 /**
- * Opens an address, so that Back leads to the one before.
+ * Opens an address, so that Back leads to the previous one.
  * @param {string} address
  */
 function goTo(address) {
@@ -199,7 +199,7 @@ function goTo(address) {
   openAddress();
 }
 
-/** Opens what the address names. */
+/** Opens the input that the address names. */
 function openAddress() {
   const { scene, file, show: mode } = readState();
   chooseMode(mode);
@@ -215,7 +215,7 @@ function chooseMode(mode = "upscaled") {
 }
 
 /**
- * Opens files that were chosen, so that Back leads to what was open before.
+ * Opens files that were chosen, so that Back leads to the previous input.
  * @param {Promise<{name: string, file: File}[]>} files
  */
 function openFiles(files) {
@@ -227,7 +227,7 @@ writeTexts();
 offerModels();
 watchPlace(readSettings);
 let settling = 0;
-/** Shows what the settings say, once they rest. */
+/** Shows what the settings say, once they no longer change. */
 function settle() {
   clearTimeout(settling);
   settling = setTimeout(show, SETTLE_MILLISECONDS);

@@ -1,5 +1,5 @@
 // @ts-check
-/** What is laid over a light field: its disparity in colours, and the epipolar plane image (EPI) of a row of pixels. */
+/** Overlays of a light field: its disparity in colours, and the epipolar plane image (EPI) of a row of pixels. */
 import { describeError } from "./client.js";
 import { make } from "./dom.js";
 import { PICTURE_TEXTS } from "./texts.js";
@@ -9,7 +9,7 @@ import { PICTURE_TEXTS } from "./texts.js";
 /**
  * Adds two check boxes to a light field whose views are loaded.
  * @param {Stage} stage
- * @param {() => Promise<Blob>} requestDisparity Makes the disparity of the centre view as a picture in colours.
+ * @param {() => Promise<Blob>} requestDisparity Makes a picture of the centre view's disparity in colours.
  */
 export function addOverlays(stage, requestDisparity) {
   const picture = /** @type {HTMLElement} */ (stage.element.querySelector(".picture"));
@@ -29,7 +29,7 @@ export function addOverlays(stage, requestDisparity) {
     }
     if (!box.checked) return disparity.remove();
     stage.tour.checked = false;
-    stage.moveFromCentre(0, 0); // the view whose disparity it is
+    stage.moveFromCentre(0, 0); // the disparity is that of the centre view
     picture.append(disparity);
   };
   const epi = makeEpi(stage, picture);
@@ -38,7 +38,7 @@ export function addOverlays(stage, requestDisparity) {
 }
 
 /**
- * The EPI of a row of pixels, which a slider or a click on the picture chooses, and a line over the picture that marks it.
+ * Makes the EPI of a row of pixels, which a slider or a click on the picture selects, and a line over the picture that marks the row.
  * @param {Stage} stage
  * @param {HTMLElement} picture
  */

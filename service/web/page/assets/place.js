@@ -1,5 +1,5 @@
 // @ts-check
-/** Turning a mesh by hand: it follows at once where three.js reads it, else as the server renders it. */
+/** Turns a mesh by hand. It follows at once if three.js can read it, otherwise when the server has rendered it. */
 import { find, make } from "./dom.js";
 import { stop } from "./job.js";
 
@@ -11,9 +11,9 @@ const KEYS = /** @type {Record<string, [string, number]>} */ ({
   "+": ["zoom", 0.1], "=": ["zoom", 0.1], "-": ["zoom", -0.1],
 });
 const FIELDS = ["yaw", "tilt", "roll", "zoom", "place", "up", "background"];
-/** Options with which a mesh is placed otherwise than the preview does. */
+/** Options that place a mesh differently from the preview. */
 const OTHERS = ["fit", "camera", "time", "animation", "delta", "parallax", "pitch"];
-const MOST_BYTES = 64e6; // of a file that the browser reads
+const MOST_BYTES = 64e6; // of a file that is read in the browser
 
 const panel = find("turn", HTMLElement);
 const form = find("settings", HTMLFormElement);
@@ -42,7 +42,7 @@ export async function openMesh(input) {
     await made.open(files);
   } catch {
     made?.close();
-    return; // the server renders what three.js doesn't read
+    return; // the server renders what three.js can't read
   }
   if (number !== opened) return made.close();
   preview = made;
@@ -59,17 +59,17 @@ export function closeMesh() {
   panel.hidden = true;
 }
 
-/** @param {boolean} isPossible Whether the picture is one of a mesh. */
+/** @param {boolean} isPossible Whether the picture shows a mesh. */
 export function allowTurning(isPossible) {
   panel.hidden = !isPossible;
 }
 
-/** Whether the mesh is being dragged: what is made of it then is a preview. */
+/** Whether the mesh is being dragged: pictures made meanwhile are previews. */
 export function isTurning() {
   return isHeld;
 }
 
-/** Shows the server's picture in place of the preview, also of one that is still to be drawn, unless the mesh is being turned. */
+/** Shows the server's picture in place of the preview, even if that is still to be drawn, unless the mesh is being turned. */
 export function hidePreview() {
   canvas.hidden = !isHeld;
   isDue &&= isHeld;
@@ -92,8 +92,8 @@ function draw() {
 }
 
 /**
- * @param {string} text Such as `50x60`.
- * @param {number} usual For what is no such text.
+ * @param {string} text A pair such as `50x60`.
+ * @param {number} usual The value of both numbers if the text is not a pair.
  */
 function readPair(text, usual) {
   const [, first = usual, second = usual] = /^([1-9]\d{0,5})\s*x\s*([1-9]\d{0,5})$/.exec(text) ?? [];
@@ -112,13 +112,13 @@ function change(name, change) {
   field.dispatchEvent(new Event("input", { bubbles: true }));
 }
 
-/** Has the server render what the settings say. */
+/** Lets the server render what the settings say. */
 function settle() {
   form.dispatchEvent(new Event("change", { bubbles: true }));
 }
 
 /**
- * Begins to listen.
+ * Starts listening to events.
  * @param {() => Record<string, string>} readSettings
  */
 export function watchPlace(readSettings) {

@@ -1,5 +1,5 @@
 // @ts-check
-/** A mesh as the centre view shows it, drawn by three.js in the browser: placed as `renderer/framing.py` does. */
+/** A mesh as the centre view shows it, drawn by three.js in the browser and placed as in `renderer/framing.py`. */
 import {
   AmbientLight, DirectionalLight, DoubleSide, Group, LoadingManager, Matrix4, Mesh, MeshBasicMaterial, MeshLambertMaterial,
   MeshPhongMaterial, OrthographicCamera, Scene, Triangle, Vector3, WebGLRenderer,
@@ -10,16 +10,16 @@ const TANGENT_RANGE = 0.4; // over an elemental image, of `renderer/lens_array.p
 const AMBIENT = 0.3 * Math.PI, DIFFUSE = 0.7 * Math.PI; // about 0.6 and 0.4 of `renderer/shading.py`, in linear light
 const LIGHT = [-0.4, 0.6, 0.7];
 const GREY = 0xcccccc;
-const MOST_POINTS = 200_000; // that decide the size: of more corners of triangles, some are left out
+const MOST_POINTS = 200_000; // that decide the size: if triangles have more corners, some are left out
 const ZERO_AREA = 1e-12; // times the longest edge squared, of `renderer/surface.py`
 const MOST_PIXELS = 1024; // along a side
-/** Extensions of glTF that three.js shows otherwise than the server. */
+/** Extensions of glTF that three.js shows differently from the server. */
 const UNLIKE = ["EXT_texture_avif", "KHR_materials_pbrSpecularGlossiness", "KHR_materials_transmission", "KHR_node_visibility"];
 
 /** @typedef {{name: string, file: File}} Named */
 /** @typedef {{rows: number, cols: number, v: number, u: number, up: string, rotate: number[], zoom: number, place: number}} Stand */
 
-/** @type {Record<string, (manager: any, data: ArrayBuffer) => Promise<any>>} By suffix. */
+/** @type {Record<string, (manager: any, data: ArrayBuffer) => Promise<any>>} Readers by suffix. */
 const READERS = {
   glb: readGltf,
   vrm: readGltf,
@@ -58,7 +58,7 @@ function makeMesh(geometry) {
 export class Preview {
   /**
    * @param {HTMLCanvasElement} canvas
-   * @throws {Error} Without WebGL 2.
+   * @throws {Error} If WebGL 2 is missing.
    */
   constructor(canvas) {
     const context = canvas.getContext("webgl2", { antialias: true });
@@ -75,8 +75,8 @@ export class Preview {
 
   /**
    * Reads a mesh.
-   * @param {Named[]} files The mesh, and those that it names.
-   * @throws {Error} For a mesh that three.js doesn't read, or that it would show otherwise than the server.
+   * @param {Named[]} files The mesh, and the files that it names.
+   * @throws {Error} If three.js can't read the mesh, or would show it differently from the server.
    */
   async open(files) {
     const suffixes = files.map(({ name }) => name.toLowerCase().split(".").at(-1) ?? "");
@@ -98,12 +98,12 @@ export class Preview {
     }
   }
 
-  /** @param {string} colour Behind the mesh, such as `ffffff`. */
+  /** @param {string} colour The background, such as `ffffff`. */
   fill(colour) {
     this.renderer.setClearColor(`#${colour}`);
   }
 
-  /** @param {Stand} stand Of the mesh before the lens array. */
+  /** @param {Stand} stand The place of the mesh in front of the lens array. */
   draw(stand) {
     const { rows, cols } = stand;
     const { matrix, near, far } = frame(this.points, stand);
@@ -115,7 +115,7 @@ export class Preview {
     this.renderer.render(this.scene, camera);
   }
 
-  /** Ends it, and what it holds on the graphics processor. */
+  /** Ends the preview and frees what it holds on the graphics processor. */
   close() {
     this.renderer.dispose();
     this.renderer.forceContextLoss();
@@ -123,8 +123,8 @@ export class Preview {
 }
 
 /**
- * The file that a mesh names: as `Resolver.find` of `renderer/readers/meshes/texture_files.py`.
- * @param {string[]} names Of all files, with their paths.
+ * Finds the file that a mesh names, like `Resolver.find` of `renderer/readers/meshes/texture_files.py`.
+ * @param {string[]} names The names of all files, with their paths.
  * @param {string} url
  * @param {string} main The mesh.
  */
@@ -138,10 +138,10 @@ function findFile(names, url, main) {
 }
 
 /**
- * Gives an object the server's light, and leaves out what is no triangle.
+ * Gives an object the server's light, and hides points and lines.
  * @param {any} object
  * @returns {any[]} Its meshes.
- * @throws {Error} Where there are copies of one, which the server alone places, or what `light` refuses.
+ * @throws {Error} If a mesh is instanced, as only the server places the copies, or if `light` refuses a material.
  */
 function prepare(object) {
   /** @type {any[]} */
@@ -160,15 +160,16 @@ function prepare(object) {
 }
 
 /**
- * @param {any} material Of a glTF file standard or basic, of others Phong: without colours they are grey.
- * @throws {Error} For a texture that is scaled unevenly and turned: three.js turns it first.
+ * Makes a material with the server's light.
+ * @param {any} material A standard or basic material for a glTF file, otherwise Phong, which is grey without colours.
+ * @throws {Error} If a texture is scaled unevenly and rotated, as three.js rotates it first.
  */
 function light(material) {
   const { isMeshPhongMaterial, isMeshBasicMaterial, flatShading, emissive = [], emissiveMap, transparent, opacity, alphaTest } = material;
   let { map, color, vertexColors } = material;
   if (isMeshPhongMaterial && !vertexColors) color.set(GREY);
   const isBlack = [...color].every((value) => value === 0), emits = [...emissive].some((value) => value > 0);
-  const onlyEmits = isBlack && emits && !transparent && !alphaTest; // as of `renderer/readers/meshes/gltf/materials.py`
+  const onlyEmits = isBlack && emits && !transparent && !alphaTest; // as in `renderer/readers/meshes/gltf/materials.py`
   if (onlyEmits) [map, color, vertexColors] = [emissiveMap, emissive, false];
   if (map?.rotation && map.repeat.x !== map.repeat.y) throw new Error();
   const given = { map, color, vertexColors, transparent, opacity, alphaTest, side: DoubleSide };
@@ -176,7 +177,7 @@ function light(material) {
 }
 
 /**
- * The corners of triangles that have an area, in the object's coordinates, x, y and z one after the other.
+ * Returns the corners of triangles that have an area, in the object's coordinates: x, y and z one after the other.
  * @param {any[]} meshes
  */
 function collectPoints(meshes) {
@@ -199,7 +200,7 @@ function collectPoints(meshes) {
 }
 
 /**
- * Where the object stands in the lens array's coordinates: as `frame_scene` of `renderer/framing.py`.
+ * Places the object in the lens array's coordinates, like `frame_scene` of `renderer/framing.py`.
  * @param {Float32Array} points
  * @param {Stand} stand
  */

@@ -7,24 +7,24 @@ import { FORMATS, GROUPS, SENTENCES, STATES, TEXTS } from "./texts.js";
 
 const KEY = "recent", PLACE = "localStorage";
 const MOST = 20;
-const UNLISTED = /^(views|format|arrangement|lens_.*)$/; // settings that say little
+const UNLISTED = /^(views|format|arrangement|lens_.*)$/; // settings of little interest
 
 /** @type {(entry: Entry) => void} */
 let open = () => {};
 
 /**
- * @typedef {object} Made What a job makes.
- * @property {string} name Of its input.
- * @property {string} what
- * @property {string} [stem] What the name of its download begins with.
- * @property {string} [end] What it goes on with.
+ * @typedef {object} Made A job and its result.
+ * @property {string} name The name of its input.
+ * @property {string} what The kind of result.
+ * @property {string} [stem] The first part of its download's name.
+ * @property {string} [end] The second part of its download's name.
  * @property {string} url Its path.
  * @property {string} hash The page's settings.
- * @property {string} [state] As it was last seen.
+ * @property {string} [state] Its last known state.
  */
-/** @typedef {Made & {details: string[], time: number}} Entry When it began, and what tells it from others. */
+/** @typedef {Made & {details: string[], time: number}} Entry A job with the time when it began and the details that tell it from others. */
 
-/** @returns {Entry[]} None of another form: all pages of one host and port share the storage, also those of other programs. */
+/** @returns {Entry[]} Only well-formed ones: all pages of one host and port share the storage, including those of other programs. */
 function readJobs() {
   try {
     return JSON.parse(read(KEY, PLACE) ?? "[]").filter(isEntry);
@@ -46,7 +46,7 @@ function keepJobs(entries) {
 
 /**
  * @param {Made} made
- * @param {Record<string, string | Blob>} fields Of its form.
+ * @param {Record<string, string | Blob>} fields The fields of its form.
  */
 export function keepJob(made, fields) {
   const format = String(fields.format);
@@ -62,7 +62,7 @@ export function isUnfinished({ state = "" }) {
 }
 
 /**
- * Keeps the state of a job that is listed as not done; one that was cancelled is listed no longer.
+ * Stores the state of a job that is listed as not done, and removes it from the list if it was cancelled.
  * @param {string} url
  * @param {string} state
  */
@@ -75,7 +75,7 @@ export function markJob(url, state) {
 }
 
 /**
- * Asks the server for the state of a job that a page left.
+ * Asks the server for the state of a job that was left unfinished when its page was closed.
  * @param {Entry} entry
  */
 async function readState({ url }) {
@@ -86,14 +86,14 @@ async function readState({ url }) {
   }
 }
 
-/** @param {string} url Of a job that the server no longer has. */
+/** @param {string} url The path of a job that the server no longer has. */
 export function forgetJob(url) {
   keepJobs(readJobs().filter((entry) => entry.url !== url));
 }
 
 /**
  * Lists the jobs.
- * @param {(entry: Entry) => void} chosen Called with the one that is chosen.
+ * @param {(entry: Entry) => void} chosen Called with the job that the user chooses.
  */
 export function watchRecent(chosen) {
   open = chosen;
@@ -113,7 +113,7 @@ function showJobs() {
     const button = make("button", [make("span", text), time], { type: "button" });
     button.addEventListener("click", () => {
       open(entry);
-      find("name", HTMLElement).focus(); // the list is made again
+      find("name", HTMLElement).focus(); // the button is gone, as the list is rebuilt
     });
     return make("li", [button]);
   });

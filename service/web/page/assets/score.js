@@ -1,7 +1,7 @@
 // @ts-check
 /**
- * How near a picture is to the truth, as `ciir demo` measures it (`service/demo/scores.py`; a test compares the two): luma of
- * ITU-R BT.601 from 16 to 235 inside a border, and the mean similarity of Wang et al. 2004, equation 13, over windows of 11x11.
+ * Measures how close a picture is to the truth, as `ciir demo` does (`service/demo/scores.py`; a test compares the two): on luma of
+ * ITU-R BT.601 from 16 to 235 inside a border, with the mean similarity of Wang et al. 2004, equation 13, over windows of 11x11.
  */
 const BORDER = 2; // pixels that are cut on each side
 const PEAK = 255;
@@ -11,9 +11,9 @@ const GAUSSIAN = Array.from({ length: 2 * RADIUS + 1 }, (_, i) => Math.exp(-0.5 
 const SUM = GAUSSIAN.reduce((sum, each) => sum + each);
 
 /**
- * PSNR in dB, infinite where both are equal, and SSIM, which is NaN below 15 pixels along a side.
+ * Returns the PSNR in dB, infinite if both are equal, and the SSIM, which is NaN below 15 pixels along a side.
  * @param {ImageData} picture
- * @param {ImageData} truth Of the same size.
+ * @param {ImageData} truth A picture of the same size.
  */
 export function measureQuality(picture, truth) {
   const [one, other] = [readLuma(picture), readLuma(truth)];
@@ -47,9 +47,9 @@ function readLuma({ data, width, height }) {
 }
 
 /**
- * Means along rows, weighted by the window where it lies inside; the result is transposed, so that two calls average an area.
+ * Averages along rows with the window as weights, where it lies inside. The result is transposed, so that two calls average an area.
  * @param {Float64Array} plane
- * @param {number} width Of a row.
+ * @param {number} width The width of a row.
  */
 function average(plane, width) {
   const height = plane.length / width, inside = Math.max(0, width - 2 * RADIUS);

@@ -1,5 +1,5 @@
 // @ts-check
-/** The form of settings: options of the API by their names, but for three angles that are one, `rotate`. */
+/** The form of settings: options of the API by their names, except that three angles together are the option `rotate`. */
 import { request } from "./client.js";
 import { find, make } from "./dom.js";
 import { MODELS, SENTENCES, TEXTS } from "./texts.js";
@@ -13,7 +13,7 @@ const NAMED_COLOURS = /** @type {Record<string, string>} */ ({ white: "ffffff", 
 const form = find("settings", HTMLFormElement);
 /** @type {Map<string, number[]>} Scales of the networks, and of interpolations. */
 const scales = new Map([["auto", [2]]]);
-/** @type {Record<string, string>} Options of the address, or of a lens grid that was found, that have no field, or a value that theirs can't have. */
+/** @type {Record<string, string>} Options from the address or a found lens grid that have no field, or a value that their field can't have. */
 let others = {};
 /** Done when the networks are listed. */
 let offered = Promise.resolve();
@@ -21,13 +21,13 @@ const grids = find("grids", HTMLSelectElement);
 /** @type {Candidate[]} Lens grids that a picture may have. */
 let candidates = [];
 
-/** The fields that count for the input that is open. */
+/** Lists the fields that apply to the open input. */
 function listFields() {
   const all = /** @type {NodeListOf<HTMLInputElement | HTMLSelectElement>} */ (form.querySelectorAll("[name]"));
   return [...all].filter((field) => field.closest("[hidden]") === null);
 }
 
-/** @type {{field: EventTarget | null, value: string} | null} The text field that has the focus, as it was before what is typed. */
+/** @type {{field: EventTarget | null, value: string} | null} The focused text field, with its value before typing began. */
 let typed = null;
 
 /** @param {Event} event */
@@ -46,7 +46,7 @@ function isDefault(field) {
 }
 
 /**
- * Fills a field in; one that can't have the value, such as a slider beyond its end, gets its default.
+ * Fills in a field. If it can't have the value, such as a slider beyond its end, it gets its default.
  * @param {HTMLInputElement | HTMLSelectElement} field
  * @param {string} value
  * @returns {boolean} Whether it has the value.
@@ -59,7 +59,7 @@ function writeField(field, value) {
 }
 
 /**
- * The settings that differ from the defaults, without what is still being typed.
+ * Returns the settings that differ from the defaults, without text that is still being typed.
  * @returns {Record<string, string>}
  */
 export function readSettings() {
@@ -71,7 +71,7 @@ export function readSettings() {
 }
 
 /**
- * The settings, over which others win; several yaws keep the tilt and the roll.
+ * Returns the settings, overridden by `fields`; several yaws keep the tilt and the roll.
  * @param {Record<string, string | Blob>} fields
  */
 export function mergeSettings(fields) {
@@ -82,8 +82,8 @@ export function mergeSettings(fields) {
 }
 
 /**
- * Fills the form in.
- * @param {Record<string, string>} settings What it lacks becomes the default.
+ * Fills in the form.
+ * @param {Record<string, string>} settings Settings that are missing become the default.
  */
 export function writeSettings(settings) {
   form.reset();
@@ -104,7 +104,7 @@ export function writeSettings(settings) {
   markGrid();
 }
 
-/** @param {string} rotate Three angles; what the sliders can't have, such as several yaws, is kept for the server. */
+/** @param {string} rotate Three angles; values that the sliders can't have, such as several yaws, are kept for the server. */
 function writeAngles(rotate) {
   const angles = rotate.split(",");
   const fields = ANGLES.map((name) => form[name]);
@@ -115,7 +115,7 @@ function writeAngles(rotate) {
 
 /**
  * @param {HTMLInputElement} field
- * @param {string} value As the server takes it, such as `ffffff`, `#fff` or `white`; it refuses what is no colour.
+ * @param {string} value A colour as the server accepts it, such as `ffffff`, `#fff` or `white`; the server refuses other values.
  */
 function writeColour(field, value) {
   const text = value.trim().toLowerCase();
@@ -124,14 +124,14 @@ function writeColour(field, value) {
   else others[field.name] = value;
 }
 
-/** Marks the lens grid that the settings are of, if it is one of those that were found. */
+/** Selects the lens grid that has these settings, if it is one of those that were found. */
 function markGrid() {
   const settings = readSettings();
   grids.selectedIndex = candidates.findIndex(({ options }) => Object.entries(options).every(([name, value]) => settings[name] === value));
 }
 
 /**
- * Offers the lens grids that a picture may have, and takes the likeliest unless the settings have one.
+ * Offers the lens grids that a picture may have, and uses the likeliest unless the settings give one.
  * @param {Candidate[]} found
  * @param {Record<string, string>} settings
  */
@@ -156,7 +156,7 @@ function writeLenses(options) {
 }
 
 /**
- * Replaces the options that say where the lenses are, as the user does.
+ * Replaces the options that say where the lenses are, as if the user had changed them.
  * @param {Record<string, string>} options
  */
 export function changeLenses(options) {
@@ -165,8 +165,8 @@ export function changeLenses(options) {
 }
 
 /**
- * Shows the fields for what is open.
- * @param {string} kind Of the input; empty until it is known.
+ * Shows the fields for the open input.
+ * @param {string} kind The kind of input; empty until it is known.
  */
 export function fitSettings(kind) {
   find("work", HTMLElement).dataset.kind = kind;
@@ -188,7 +188,7 @@ function completeSize(field) {
 }
 
 /**
- * Clears the number of lenses that was found in the picture where the user gives that of pixels, and the other way round.
+ * Clears the number of lenses that was found in the picture if the user gives that of pixels, and vice versa.
  * @param {HTMLInputElement} given
  */
 function clearFound({ name, value }) {
@@ -196,7 +196,7 @@ function clearFound({ name, value }) {
   if (value && candidates.some(({ options }) => options[other.name] === other.value)) other.value = "";
 }
 
-/** @param {string} name Of a network. @returns {HTMLOptionElement | undefined} */
+/** @param {string} name The name of a network. @returns {HTMLOptionElement | undefined} */
 function findModel(name) {
   return [...form.model.options].find(({ value }) => value === name);
 }
@@ -214,7 +214,7 @@ function offerModel(name, sizes, reason) {
 }
 
 /**
- * The networks and interpolations that make views so many times larger, on this server.
+ * Lists the networks and interpolations of this server that make views `scale` times larger.
  * @param {number} scale
  */
 export async function listModels(scale) {
@@ -234,7 +234,7 @@ function offerScales() {
   } else if (others.scale) form.scale.selectedIndex = -1; // the server says what fits
 }
 
-/** Writes the values of sliders, or those of the address that these can't have, beside them. */
+/** Writes values next to the sliders, including values of the address that the sliders can't have. */
 function showValues() {
   const angles = others.rotate?.split(",") ?? [];
   const given = { ...others, ...Object.fromEntries(angles.map((angle, index) => [ANGLES[index], angle])) };
@@ -257,8 +257,8 @@ export function offerModels() {
 }
 
 /**
- * Begins to listen.
- * @param {() => void} changed Called where a setting has changed.
+ * Starts listening to events.
+ * @param {() => void} changed Called when a setting has changed.
  */
 export function watchSettings(changed) {
   form.model.append(make("option", TEXTS.auto, { value: "auto" }));

@@ -1,5 +1,5 @@
 // @ts-check
-/** The settings of the page in its address, after `#`: a link shows the same picture. */
+/** The settings of the page in its address, after `#`, so that a link shows the same picture. */
 
 /** @returns {Record<string, string>} */
 export function readState() {
@@ -8,7 +8,7 @@ export function readState() {
 
 /**
  * Replaces the settings in the address, without a new entry in the history.
- * @param {Record<string, string>} settings Those with an empty text are left out.
+ * @param {Record<string, string>} settings Settings with an empty text are left out.
  */
 export function replaceState(settings) {
   const text = new URLSearchParams(Object.entries(settings).filter(([, value]) => value)).toString();

@@ -1,7 +1,7 @@
 // @ts-check
-/** Texts that the browser keeps, for the tab or longer; in memory where it refuses that. */
+/** Keeps texts in the browser, as long as the tab is open or longer; in memory if the browser refuses that. */
 
-/** @typedef {"sessionStorage" | "localStorage"} Place As long as the tab, or until it is removed. */
+/** @typedef {"sessionStorage" | "localStorage"} Place Keeps texts as long as the tab is open, or until they are removed. */
 
 /** @type {Map<string, string>} */
 const memory = new Map();

@@ -1,10 +1,10 @@
 // @ts-check
-/** Every text that the page shows. */
+/** All texts that the page shows. */
 export const TEXTS = {
   // the start
   title: "Look around in a light field",
-  intro: "A lens array records a scene from many viewpoints at once. This page makes those views from such a recording or from "
-    + "a mesh, and then larger and sharper ones. Drop a file, or begin with an example.",
+  intro: "A lens array records a scene from many viewpoints at once. This page makes these views from such a recording or from "
+    + "a mesh, and then makes them larger and sharper. Drop a file, or begin with an example.",
   drop: "Drop a file here, or choose one",
   takes: "A mesh, an elemental image array, a raw lenslet picture, or several views",
   takesMeshes: "An OBJ with its MTL and textures, a folder or a zip works too",
@@ -13,7 +13,7 @@ export const TEXTS = {
   vase: "Vase",
   globe: "Globe",
   hamburger: "Hamburger",
-  local: "Files go to this server only.",
+  local: "Files are sent only to this server.",
   recent: "Recent jobs",
   forget: "Forget these",
   // what is open
@@ -29,9 +29,9 @@ export const TEXTS = {
   truth: "Rendered at the larger size",
   depth: "Disparity",
   waiting: "The picture appears here.",
-  noFiles: "There are no files in it. Choose a folder that has some.",
-  changed: "The file has changed or is gone since it was chosen. Choose it again.",
-  needsLenses: "How many lenses does the picture show? Give their rows x columns, such as 50x50. An ordinary photo is enlarged by ciir upscale, not here.",
+  noFiles: "The folder has no files. Choose one that has some.",
+  changed: "The file was changed or removed after it was chosen. Choose it again.",
+  needsLenses: "How many lenses does the picture show? Give their rows x columns, such as 50x50. To enlarge an ordinary photo, use ciir upscale instead.",
   reading: "Reading the file",
   packing: "Packing the files",
   // settings
@@ -40,9 +40,9 @@ export const TEXTS = {
   grids: "Found in the picture",
   lenses: "Lenses, rows x columns",
   pixels: "Pixels under each lens, rows x columns",
-  lens_pitch: "Pixels from lens to lens of a raw picture",
+  lens_pitch: "Pixels from lens to lens, for a raw picture",
   lens_offset: "Centre of one lens, y,x in pixels",
-  lens_rotation: "Rotation of its rows, in degrees",
+  lens_rotation: "Rotation of the rows, in degrees",
   lens_grid: "Arrangement",
   found: "As found",
   square: "Square",
@@ -55,14 +55,14 @@ export const TEXTS = {
   cellsHelp: "Drag the ring to the corner of an elemental image.",
   auto: "Automatic",
   object: "Object",
-  turnHelp: "Drag the picture to turn the object, or press arrow keys, + and - there.",
+  turnHelp: "Drag the picture to turn the object, or select it and press arrow keys, + and -.",
   yaw: "Turn to the right",
   tilt: "Tilt forwards",
   roll: "Roll to the left",
   zoom: "Size",
   place: "Place",
   placeHelp: "-1 behind the lenses, 1 in front of them",
-  moment: "Time in its animation (glTF), in seconds",
+  moment: "Time in the animation (glTF), in seconds",
   background: "Background",
   up: "Axis that points up",
   y: "y",
@@ -74,7 +74,7 @@ export const TEXTS = {
   cancel: "Cancel",
   queued: "Waiting for its turn",
   cancelled: "Cancelled.",
-  cancelledElsewhere: "Another window or program cancelled it. Change a setting, or choose the picture again.",
+  cancelledElsewhere: "Another window or program cancelled this job. Change a setting, or choose the picture again.",
   details: "Where the time went",
   retry: "Try again",
   key: "Key of this server",
@@ -93,7 +93,7 @@ export const TEXTS = {
   epi: "Row y=120, or column x=80",
 };
 
-/** What is shown of problems, by HTTP status; 0: the server did not answer. */
+/** The messages for problems, by HTTP status; 0: the server did not answer. */
 export const PROBLEMS = /** @type {Record<number, string>} */ ({
   0: "The server does not answer. Check that it runs, then try again.",
   400: "The server did not understand the request.",
@@ -103,7 +103,7 @@ export const PROBLEMS = /** @type {Record<number, string>} */ ({
   408: "The upload took too long. Try a smaller file or a faster connection.",
   409: "The job was cancelled.",
   410: "The server no longer keeps this result. Open the file again.",
-  413: "This is over a limit of the server.",
+  413: "This exceeds a limit of the server.",
   415: "The server can't read this file.",
   422: "The file or a setting does not fit.",
   429: "The server is busy. Try again in a few seconds.",
@@ -111,7 +111,7 @@ export const PROBLEMS = /** @type {Record<number, string>} */ ({
   503: "The server is not ready. Try again in a few seconds.",
 });
 
-/** Names of a job's stages, in the order of the work. */
+/** The names of a job's stages, in the order in which they run. */
 export const STAGES = /** @type {Record<string, string>} */ ({
   decode: "Reading",
   plan: "Planning",
@@ -122,10 +122,10 @@ export const STAGES = /** @type {Record<string, string>} */ ({
   encode: "Writing",
 });
 
-/** What the list of recent jobs says of one that is not done. */
+/** The states of jobs that are not done, in the list of recent jobs. */
 export const STATES = /** @type {Record<string, string>} */ ({ queued: "waiting", running: "running", failed: "failed" });
 
-/** Names of what an input is. */
+/** The names of kinds of inputs. */
 export const KINDS = /** @type {Record<string, string>} */ ({
   scene: "A shipped scene",
   mesh: "A mesh",
@@ -136,7 +136,7 @@ export const KINDS = /** @type {Record<string, string>} */ ({
   picture: "A picture",
 });
 
-/** Names of groups of export formats. */
+/** The names of groups of export formats. */
 export const GROUPS = /** @type {Record<string, string>} */ ({
   view: "The centre view",
   times: "The centre view of an animation",
@@ -149,7 +149,7 @@ export const GROUPS = /** @type {Record<string, string>} */ ({
   disparities: "Depth",
 });
 
-/** What helps on the page, in place of remedies of the server that are for other programs. */
+/** Remedies on the page, which replace remedies of the server that are for other programs. */
 const REMEDIES = /** @type {[RegExp, string][]} */ ([
   [
     /^\w+: .*(several times or yaws|make a video of one view).*/,
@@ -160,14 +160,14 @@ const REMEDIES = /** @type {[RegExp, string][]} */ ([
 ]);
 
 /**
- * What an error or a note of the server says, with what helps on the page.
+ * Returns an error or a note of the server with the remedy that helps on the page.
  * @param {string} text
  */
 export function adaptRemedy(text) {
   return REMEDIES.reduce((adapted, [pattern, remedy]) => adapted.replace(pattern, remedy), text);
 }
 
-/** Names of formats, where the format's own does not say what it is. */
+/** The names of formats. */
 export const FORMATS = /** @type {Record<string, string>} */ ({
   png: "PNG",
   tiff: "TIFF",
@@ -199,23 +199,23 @@ export const FORMATS = /** @type {Record<string, string>} */ ({
   ply: "Mesh (PLY)",
 });
 
-/** Names of networks and interpolations, where their own does not say what they are for. */
+/** The names of networks and interpolations, with what they are for if their own name does not say it. */
 export const MODELS = /** @type {Record<string, string>} */ ({
   bicubic: "Bicubic",
   nearest: "Nearest pixel",
   fast: "fast",
-  "fast-int8": "fast-int8: the quickest",
-  field: "field: uses the views around",
-  "field-int8": "field-int8: quicker",
+  "fast-int8": "fast-int8: the fastest",
+  field: "field: uses the neighbouring views",
+  "field-int8": "field-int8: faster",
   "field-quality": "field-quality: larger, slower",
-  "field-quality-int8": "field-quality-int8: quicker",
+  "field-quality-int8": "field-quality-int8: faster",
   gan: "gan: sharper, with invented detail",
   paper: "paper: as published",
-  quality: "quality: the sharpest of one view",
-  "quality-int8": "quality-int8: quicker",
+  quality: "quality: the sharpest for a single view",
+  "quality-int8": "quality-int8: faster",
 });
 
-/** What settings say of a job, by their names; nothing where they are as usual. */
+/** Descriptions of a job's settings, by their names; empty for usual values. */
 const SETTINGS = /** @type {Record<string, (value: string) => string>} */ ({
   lenses: (value) => `${value} lenses`,
   pixels: (value) => `${value} pixels`,
@@ -226,7 +226,7 @@ const SETTINGS = /** @type {Record<string, (value: string) => string>} */ ({
   scale: (value) => (value === "2" ? "" : `${value} times larger`),
 });
 
-/** Sentences with numbers or names in them. */
+/** Sentences that contain numbers or names. */
 export const SENTENCES = {
   /** @param {string} name @param {number} rows @param {number} cols */
   size: (name, rows, cols) => `${name}, ${cols} x ${rows} pixels`,
@@ -237,15 +237,15 @@ export const SENTENCES = {
   /** @param {number} pitch @param {number} rotation */
   rawGrid: (pitch, rotation) => `${pitch.toFixed(3)} pixels from lens to lens, rows turned by ${rotation.toFixed(3)}°`,
   /** @param {number} step */
-  everyLens: (step) => `One of ${step} is drawn in each row and column`,
+  everyLens: (step) => `One in ${step} is drawn in each row and column`,
   /** @param {number} seconds */
   left: (seconds) => (seconds < 90 ? `about ${Math.ceil(seconds)} s left` : `about ${Math.round(seconds / 60)} min left`),
   /** @param {number} milliseconds */
   time: (milliseconds) => (milliseconds < 9950 ? `${Math.round(milliseconds)} ms` : `${(milliseconds / 1000).toFixed(1)} s`),
-  /** @param {string} time @param {boolean} wasDone Before it was asked for. */
+  /** @param {string} time @param {boolean} wasDone Whether the job was done before it was requested. */
   done: (time, wasDone) => `Done in ${time}${wasDone ? ", from an earlier run" : ""}`,
   /** @param {string} measured @param {string} predicted */
-  estimate: (measured, predicted) => `It took ${measured}, and the estimate was ${predicted}. Stages overlap.`,
+  estimate: (measured, predicted) => `It took ${measured}; the estimate was ${predicted}. Stages overlap.`,
   /**
    * @param {string} name
    * @param {string} value
@@ -261,19 +261,19 @@ export const SENTENCES = {
   job: (what, name) => `${name}: ${what.toLowerCase()}`,
 };
 
-/** Texts of the light field, of pictures side by side, and of what is laid over them. */
+/** Texts of the light field, of the comparison of pictures, and of overlays. */
 export const PICTURE_TEXTS = {
   noLightField: "The server's response is not a light field in tiles. Ask for format=tiles.",
-  broken: "The connection broke before all views were there. Load the light field again.",
+  broken: "The connection broke before all views had arrived. Load the light field again.",
   disparity: "Disparity",
-  disparityShown: "The disparity of the centre view: what is nearer is brighter.",
+  disparityShown: "The disparity of the centre view: nearer parts are brighter.",
   measuring: "Measuring the disparity",
   epi: "EPI",
-  epiShown: "The row of pixels in each view of the middle row, one below the other: the slope of a line is a disparity.",
+  epiShown: "This row of pixels from each view of the middle row of views, one below the other: the slope of a line is its disparity.",
   row: "Row of the EPI",
-  compared: "Two pictures of one view. Wheel, pinch, + and - zoom; drag and arrow keys move what is seen.",
-  left: "Picture at the left",
-  right: "Picture at the right",
+  compared: "Two pictures of one view. Wheel, pinch, + and - zoom; dragging and arrow keys move the picture.",
+  left: "Picture on the left",
+  right: "Picture on the right",
   divider: "Divider",
   zoom: "Zoom",
   difference: "Difference from the rendering, times 4",
@@ -286,7 +286,7 @@ export const PICTURE_TEXTS = {
   noJob: "The server no longer has this light field. Run its job again, and give the new id after #job=.",
 };
 
-/** Writes the texts into all elements that name one as `data-text`, or as `data-label` for assistive technology. */
+/** Writes the texts into all elements that name one in `data-text`, or in `data-label` for assistive technology. */
 export function writeTexts() {
   const read = (/** @type {string | undefined} */ name) => TEXTS[/** @type {keyof typeof TEXTS} */ (name)];
   for (const element of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-text], [data-label]"))) {

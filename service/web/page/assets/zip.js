@@ -1,9 +1,9 @@
 // @ts-check
-/** Zip files whose members are stored as they are (PKWARE's APPNOTE 6.3.10, section 4.3). */
+/** Writes zip files whose members are stored without compression (PKWARE's APPNOTE 6.3.10, section 4.3). */
 
 const VERSION = 20;
 const UTF8 = 0x0800; // the flag of names in UTF-8
-const JANUARY_1980 = 0x21; // the first date that zip knows, so that the same files make the same zip
+const JANUARY_1980 = 0x21; // the first date of zip, so that the same files make the same zip
 const TABLE = Uint32Array.from({ length: 256 }, (_, byte) => {
   for (let bit = 0; bit < 8; bit++) byte = byte & 1 ? 0xedb88320 ^ (byte >>> 1) : byte >>> 1;
   return byte;
@@ -35,8 +35,8 @@ export async function writeZip(members) {
 }
 
 /**
- * Little-endian fields.
- * @param {(number | number[])[]} fields Of 2 bytes, those in brackets of 4.
+ * Packs little-endian fields.
+ * @param {(number | number[])[]} fields Numbers of 2 bytes, or of 4 bytes in brackets.
  */
 function pack(fields) {
   return Uint8Array.from(
@@ -48,7 +48,7 @@ function pack(fields) {
 }
 
 /**
- * CRC-32.
+ * Computes the CRC-32.
  * @param {Uint8Array} bytes
  */
 function computeChecksum(bytes) {

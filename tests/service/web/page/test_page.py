@@ -421,7 +421,7 @@ def test_the_disparity_in_focus_is_that_of_the_server(page, server, model):
 def test_networks_are_compared_with_the_truth(page):
     go_to(page, f"{AROUND}&show=compare")
     status = page.locator(".comparison [role=status]")
-    left = page.get_by_label("Picture at the left")
+    left = page.get_by_label("Picture on the left")
     shown = {}
     for name in ("As mapped", "Bicubic", "Upscaled", "fast"):
         left.select_option(name)

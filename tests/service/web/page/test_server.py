@@ -148,7 +148,7 @@ def test_networks_that_the_server_cannot_run_are_not_offered(page):
     expect(options.nth(1)).to_be_enabled()
     expect(options.nth(2)).to_be_disabled()
     expect(options.nth(2)).to_have_attribute("title", "no VNNI")
-    compared = page.get_by_label("Picture at the left").locator("option")
+    compared = page.get_by_label("Picture on the left").locator("option")
     expect(compared.filter(has_text="fast")).to_have_count(1)
     expect(compared.filter(has_text="int8")).to_have_count(0)
 
