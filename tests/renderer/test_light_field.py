@@ -170,7 +170,7 @@ def test_options_that_are_not_known_are_refused(tmp_path):
         field.refocus("a")
     with pytest.raises(InvalidOption, match="disparity: 'True' is no number"):
         field.refocus(True)
-    with pytest.raises(InvalidOption, match="aperture: 'a' is no number; give a radius in views"):
+    with pytest.raises(InvalidOption, match="aperture: 'a' is not a number; give a radius in views"):
         field.refocus(np.float32(0.5), aperture="a")
 
 

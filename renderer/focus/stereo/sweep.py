@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 MOST_DIFFERENCE = 8.0
 """8-bit levels: larger differences are as wrong as this one."""
 MOST_SHIFT = 0.35
-"""Pixels: differences as a shift by this much makes count too, so that fine texture fits one plane better than others.
+"""Pixels: differences as a shift by this much makes count too, so that fine texture fits one plane better than
+others.
 """
 _AXES = (1, 2)
 """Down and across, in a picture `(C, H, W)`."""

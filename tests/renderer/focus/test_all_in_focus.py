@@ -85,7 +85,7 @@ def test_samples_are_interpolated_where_the_disparity_points():
 def test_a_disparity_of_other_pixels():
     views, true = make_views(0)
     found = DisparityMap((2, 2), true[:-1], true[:-1], np.array([FAR, NEAR]), "cameras")
-    with pytest.raises(InvalidOption, match="disparity: 59x70 pixels are not those of the views, 60x70"):
+    with pytest.raises(InvalidOption, match="disparity: 59x70 pixels, but the views have 60x70"):
         focus_everywhere(views, found, ONES)
 
 

@@ -220,7 +220,7 @@ def test_a_view_that_is_not_there_is_refused(view):
     with pytest.raises(InvalidOption, match=f"view: {view[0]},{view[1]} is not there"):
         LightField(np.zeros((3, 3, 9, 9, 3), np.uint8)).disparity(view)
     for wrong in ((1,), (1, 2, 3), 4):
-        with pytest.raises(InvalidOption, match="is no view; give its row and column"):
+        with pytest.raises(InvalidOption, match="is not a view; give its row and column"):
             LightField(np.zeros((3, 3, 9, 9, 3), np.uint8)).disparity(wrong)
 
 
@@ -236,15 +236,15 @@ def test_large_views_are_refused_before_they_are_compared(monkeypatch):
 @pytest.mark.parametrize(
     ("limits", "message"),
     [
-        ((1, 0), "limits: 1 to 0 is no range"),
-        ((0, np.nan), "limits: 0 to nan is no range"),
-        ((-97, 0), "limits: -97 to 0 passes the 96 pixels of a view; give disparities of -96 to 96"),
-        ((0, np.inf), "passes the 96 pixels"),
-        (3, "limits: 3 is no range; give two numbers"),
-        ((1,), "is no range; give two numbers"),
-        (("a", 1), "is no range; give two numbers"),
-        ((None, 1), "is no range; give two numbers"),
-        ((True, 2), "is no range; give two numbers"),
+        ((1, 0), "limits: 1 to 0 is not a range"),
+        ((0, np.nan), "limits: 0 to nan is not a range"),
+        ((-97, 0), "limits: -97 to 0 exceeds the 96 pixels of a view; give disparities of -96 to 96"),
+        ((0, np.inf), "exceeds the 96 pixels"),
+        (3, "limits: 3 is not a range; give two numbers"),
+        ((1,), "is not a range; give two numbers"),
+        (("a", 1), "is not a range; give two numbers"),
+        ((None, 1), "is not a range; give two numbers"),
+        ((True, 2), "is not a range; give two numbers"),
     ],
 )
 def test_limits_that_are_refused(limits, message):

@@ -129,7 +129,7 @@ def test_views_that_are_not_opaque_are_laid_over_black_with_a_note(tmp_path, mon
     half[..., 3] = 128
     for views, expected in ((opaque, False), (half, True)):
         notes = LightField(views, depth_sense="cameras").save("a.png", **options)
-        assert ("alpha: the views are laid over black" in notes) is expected
+        assert ("alpha: the views are placed on a black background" in notes) is expected
 
 
 def test_what_webp_cannot_hold_is_refused_before_a_picture_is_made(folder, monkeypatch):
