@@ -88,14 +88,14 @@ class WriterOptions:
         }
         for name in TEXT_FILES:
             if not isinstance(given.get(name, ""), (str, PathLike)):
-                raise InvalidOption(f"{name}: {str(given[name])[:40]!r} is not taken; give a path")
+                raise InvalidOption(f"{name}: {str(given[name])[:40]!r} is not accepted; give a path")
         files = {name: read_description(name, Path(given[name])) for name in TEXT_FILES if given.get(name)}
         for name, value in given.items():
             is_number, is_whole = name in RANGES, isinstance(getattr(cls, name), int)
             kinds = int if is_whole else (int, float) if is_number else str
             if name not in files and (isinstance(value, bool) or not isinstance(value, kinds)):
                 needed = "a whole number" if is_whole else "a number" if is_number else "text"
-                raise InvalidOption(f"{name}: {str(value)[:40]!r} is not taken; give {needed}")
+                raise InvalidOption(f"{name}: {str(value)[:40]!r} is not accepted; give {needed}")
             least, most = RANGES.get(name, (0, 0))
             if is_number and not least <= value <= most:
                 raise InvalidOption(f"{name}: {str(value)[:40]} is out of range; give {least:g} to {most:g}")

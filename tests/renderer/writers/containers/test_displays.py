@@ -162,8 +162,8 @@ def folder(tmp_path, monkeypatch):
     [
         ("quilt", {"device": "phone"}, InvalidOption, "device: 'phone' is not known"),
         ("quilt", {"quilt": "8"}, InvalidOption, "quilt: '8' is not understood"),
-        ("quilt", {"quilt": (8, 6)}, InvalidOption, r"quilt: '\(8, 6\)' is not taken; give text"),
-        ("quilt", {"aspect": "wide"}, InvalidOption, "aspect: 'wide' is not taken; give a number"),
+        ("quilt", {"quilt": (8, 6)}, InvalidOption, r"quilt: '\(8, 6\)' is not accepted; give text"),
+        ("quilt", {"aspect": "wide"}, InvalidOption, "aspect: 'wide' is not accepted; give a number"),
         ("quilt", {"disparity": 1e300}, InvalidOption, "disparity: 1e\\+300 is out of range"),
         ("quilt", {"disparity": float("nan")}, InvalidOption, "disparity: nan is out of range; give -1000 to 1000"),
         (
