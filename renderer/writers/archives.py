@@ -20,13 +20,15 @@ if TYPE_CHECKING:
 
 
 class ZipWriter(Writer):
-    """Writes the PNGs and `report.json` into a zip. PNGs are stored as they are: they don't shrink any further."""
+    """Writes the PNGs and `report.json` into a zip. PNGs are stored as they are, because they don't shrink any
+    further.
+    """
 
     def __init__(self, file: IO[bytes]) -> None:
         self._zip = zipfile.ZipFile(file, "w", zipfile.ZIP_STORED)
 
     def begin(self, contents: Contents) -> None:
-        """A zip holds any views."""
+        """Accepts any views: a zip holds them all."""
         self._contents = contents
 
     def write(self, view: View, pixels: Pixels) -> str:
@@ -41,7 +43,9 @@ class ZipWriter(Writer):
         self._zip.close()
 
     def discard(self) -> None:
-        """Closes the zip: one that is collected open writes its directory into a file that is closed by then."""
+        """Closes the zip: an open one would write its directory into an already closed file when it is
+        garbage-collected.
+        """
         self._zip.close()
 
 
@@ -60,7 +64,7 @@ class NpzWriter(Writer):
         self._count = len(contents.views)
 
     def write(self, view: View, pixels: Pixels) -> str:
-        """Appends the pixels to `views`; all views have one shape and type."""
+        """Appends the pixels to `views`; all views have the same shape and type."""
         if self._member is None:
             self._member = self._zip.open(zipfile.ZipInfo("views.npy", ZIP_DATE), "w", force_zip64=True)
             header = {

@@ -280,7 +280,7 @@ def test_what_is_no_elemental_image_array(eia, rows, words):
 @pytest.mark.parametrize("path", ["", None, 3, b"x"])
 def test_an_output_has_a_name(path, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(InvalidOption, match=r"path: .* is no name; give that of a file or a folder"):
+    with pytest.raises(InvalidOption, match=r"path: .* is not a name; give that of a file or a folder"):
         LightField(np.zeros((2, 2, 3, 4, 3), np.uint8)).save(path)
     assert not list(tmp_path.iterdir())
 

@@ -41,8 +41,9 @@ def test_what_lies_within_the_depth_of_field_is_sharp():
     assert (budget.sharp, budget.nearest, budget.farthest) == pytest.approx((40, 39, -39))
     assert (budget.blurred, budget.cut) == (0, 0)
     (note,) = budget.notes()
-    assert "sharp up to 40 mm behind and in front of its plane" in note
-    assert note.endswith("; the scene spans 39 mm behind it to 39 mm in front of it")
+    assert note.endswith(
+        "sharp up to 40 mm behind and in front of its plane; the scene spans 39 mm behind it to 39 mm in front of it"
+    )
 
 
 def test_what_lies_beyond_it_blurs_by_its_share_of_the_surface():

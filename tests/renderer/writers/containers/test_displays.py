@@ -183,7 +183,7 @@ def folder(tmp_path, monkeypatch):
         ("panel", {"display": "none.toml"}, Unreadable, "none.toml: No such file"),
         ("panel", {"display": "c.json"}, Unreadable, "^c.json: not TOML but JSON; .* as the option calibration$"),
         ("lenticular", {"calibration": "p.toml"}, Unreadable, "^p.toml: not JSON; .* as the option display$"),
-        ("panel", {"display": "p.bin"}, Unreadable, "p.bin: no text in UTF-8"),
+        ("panel", {"display": "p.bin"}, Unreadable, "p.bin: not text in UTF-8"),
         ("panel", {"display": "long.toml"}, TooLarge, "long.toml: over 65,536 bytes"),
     ],
 )
