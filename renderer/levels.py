@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
 
 ROUNDED = "samples are floating-point numbers, rounded to 16 bit"
-"""A note."""
+"""The note on floating-point samples."""
 MARGIN = 0.49 / 65535
 """How far samples may lie outside 0 and 1, as they do by rounding: the nearest level is still the last one."""
 LEVELS = 2

@@ -130,9 +130,9 @@ class LightField:
 
         Reversing both exchanges the depth senses `lenses` and `cameras`. Reversing only one is for a light field whose
         order is wrong: afterwards content moves along that axis as it does along the other one. If the order was right,
-        near content then moves to the left across and upwards or, down, the opposite way, as in no real scene. The
-        depth sense is that of u, so it changes with `u` and not with `v`. After reversing only one the order counts as
-        unknown. `none` changes nothing. Raises `InvalidOption` for other axes.
+        near content then moves one way across and the opposite way down, as in no real scene. The depth sense is that
+        of u, so it changes with `u` and not with `v`. After reversing only one the order counts as unknown. `none`
+        changes nothing. Raises `InvalidOption` for other axes.
         """
         views, depth_sense = flip_axes(self.views, axes, self.depth_sense)
         return replace(

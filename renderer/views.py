@@ -114,9 +114,7 @@ def advise_axes(shape: Sequence[int], name: str) -> str:
 
 
 def _advise_five_axes(shape: Sequence[int], name: str) -> str:
-    """Does the same as `advise_axes` for five axes, of which views are assumed to have more pixels than there are
-    views.
-    """
+    """Does the same as `advise_axes` for five axes, assuming that views have more pixels than there are views."""
     if shape[0] in (1, 3) and min(shape[1:3]) > max(shape[3:]):
         return f"; for (C, H, W, V, U), as in {name}.transpose(3, 4, 1, 2, 0)"
     if shape[4] > 4 >= shape[2] and min(shape[:2]) > max(shape[3:]):

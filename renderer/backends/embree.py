@@ -42,7 +42,7 @@ HIDDEN = 1 / 8192
 EXTENT = 100.0
 """Half the scene's longest side in Embree's coordinates: its float32 tests lose digits on tiny triangles."""
 STEP = 4e-6 * EXTENT
-"""How far behind a point it passes a ray continues: about 50 spacings of float32 at `EXTENT`."""
+"""Distance behind a passed point at which a ray continues: about 50 spacings of float32 at `EXTENT`."""
 ROUNDING = 1e-6
 """How far an alpha in float32 may fall below that of its triangle's corners when all three have the same alpha."""
 PASSED = (

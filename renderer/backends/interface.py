@@ -66,10 +66,10 @@ class Backend(ABC):
         """Yields the depth of each of `views`, `(rows, cols)`: the distance from the array's plane along -z, in scene
         units.
 
-        One ray through each lens's centre is followed to the surface that it hits; see-through surfaces count if their
-        alpha is at least `renderer.scene.SOLID`. The depth is +inf if the ray hits none, and negative in front of the
-        array. Depths are not averaged over a lens, because the mean of two surfaces lies on neither. For more samples,
-        refine the array.
+        One ray through each lens's centre is followed to the first surface that it hits. See-through surfaces count
+        only if their alpha there is at least `renderer.scene.SOLID`. The depth is +inf if the ray hits none, and
+        negative in front of the array. Depths are not averaged over a lens, because the mean of two surfaces lies on
+        neither. For more samples, refine the array.
 
         Raises `InvalidOption` if the size of a view is out of range.
         """

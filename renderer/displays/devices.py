@@ -93,7 +93,7 @@ def resolve_quilt(
         )
     notes: tuple[str, ...] = ()
     if device is None and named is None and grid is None and aspect is None:
-        notes = (f"quilt: for the device {DEFAULT}; the option device gives another: {', '.join(DEVICES)}",)
+        notes = (f"quilt: made for the device {DEFAULT}; the option device selects another: {', '.join(DEVICES)}",)
     elif named is not None and keeps_aspect:
         notes = (f"quilt: its name has no aspect; views of a mesh get {layout.aspect:.4g}, others keep their own",)
     return Quilt(

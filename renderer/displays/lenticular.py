@@ -116,7 +116,7 @@ def parse_calibration(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMIT
         )
     mirrored = _is_set(found, "flipImageX", name)
     pattern = _read(found, "CellPatternMode", name, (0, 100), 0.0)
-    notes = ("the display's subpixels form a pattern: they are taken as stripes of red, green and blue",)
+    notes = ("the display's subpixels form a pattern: they are treated as stripes of red, green and blue",)
     return Calibration(
         width=int(width),
         height=int(height),

@@ -1,4 +1,4 @@
-"""A lenticular display as cameras see it that stand side by side, each looking straight ahead at one rectangle."""
+"""A lenticular display as seen by cameras side by side, each looking straight ahead at the same rectangle."""
 
 from __future__ import annotations
 

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 
 MARGIN = 0.25
-"""How much more than by noise two views may differ, as a share of it. Measured with noise of 10 and 20 levels: a higher
-value lets views of wrong disparities count, a lower one gains nothing where disparities are right."""
+"""How much more two views may differ than by noise alone, as a share of the noise. Measured with noise of 10 and 20
+levels: a higher value lets views of wrong disparities count, a lower one gains nothing where disparities are right."""
 
 
 def focus_everywhere(views: NDArray[Any], found: DisparityMap, weights: NDArray[np.float32]) -> NDArray[np.float32]:

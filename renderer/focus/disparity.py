@@ -190,8 +190,9 @@ def _estimate(
         disparity = np.where(np.abs(corrected - disparity) < planes[1] - planes[0], corrected, disparity)
     if mismatched[0] > MOST_MISMATCHED:
         notes.append(
-            f"nothing fits {100 * mismatched[0]:.0f} % of the pixels at disparities of {planes[0]:.2f} to "
-            f"{planes[-1]:.2f}: views in a wrong order, larger disparities (limits), or things that change among views"
+            f"nothing fits {100 * mismatched[0]:.0f} % of the pixels at disparities from {planes[0]:.2f} to "
+            f"{planes[-1]:.2f}: the views may be in a wrong order, disparities may be larger (give limits), or things "
+            "may change between views"
         )
     disparity = disparity.astype(np.float32)
     return DisparityMap(view, disparity, confidence, planes, light_field.depth_sense, tuple(notes))
@@ -209,7 +210,7 @@ def note_reach(limits: tuple[float, float], size: tuple[int, int]) -> list[str]:
     """Returns a note if limits that were found end where the search did."""
     reach = find_reach(size)
     note = (
-        f"disparities are looked for up to {reach:g} pixels a view, and some are as large; give limits to look further"
+        f"disparities are searched up to {reach:g} pixels per view, and some reach that; give limits to search further"
     )
     return [note] if ends_search(limits, size) else []
 
@@ -262,8 +263,8 @@ def _clip(found: DisparityMap, limits: tuple[float, float]) -> DisparityMap:
     disparity = found.disparity.clip(low, high)
     share = float(((found.disparity <= low) | (found.disparity >= high)).mean())
     note = (
-        f"limits: {100 * share:.0f} % of the pixels lie at {low:g} or {high:g}, where the disparities that were given "
-        "end; give wider limits, if there are others"
+        f"limits: {100 * share:.0f} % of the pixels lie at {low:g} or {high:g}, the ends of the given range; give wider "
+        "limits if there are other disparities"
     )
     return replace(found, disparity=disparity, notes=(*found.notes, *[note] * (share > MOST_AT_LIMITS)))
 

@@ -1,5 +1,5 @@
 """Estimates the order of a light field's views from the pictures: right, with one axis reversed, transposed, or both;
-and with every other row reversed, as a gantry takes them that moves to and fro.
+and with every other row reversed, as a gantry moving to and fro takes them.
 
 Content at one depth moves by one disparity from each view to the next: as far down as across, and diagonally by both.
 In a wrong order no disparity explains all views around the centre view at once. This is tested on textured tiles, with

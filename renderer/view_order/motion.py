@@ -24,8 +24,8 @@ the rest moved more."""
 
 
 def measure_motion(views: Views) -> float | None:
-    """Returns the most pixels by which nine tenths of the textured tiles of `views`, `(V, U, H, W, C)` in order, move
-    from one view to the next, in either direction.
+    """Returns how far, in pixels, nine tenths of the textured tiles of `views`, `(V, U, H, W, C)` in order, move at
+    most from one view to the next, in either direction.
 
     A tile that is not found again counts as one that moves too far. Returns None if too few are found, and in grids of
     less than 9x9 views. Looks at the centre view and eight views around it.

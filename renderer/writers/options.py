@@ -66,7 +66,7 @@ class WriterOptions:
     frames: int = 60
     """Number of frames in a video."""
     fps: float | None = None
-    """Frames per second of a video; None: 30, or for pictures at several times the rate at which they were taken."""
+    """Frames per second of a video; None: 30, or, for pictures at several times, the rate at which those times pass."""
     epi: str = ""
     """The line of an EPI picture, as `parse_epi` reads it; empty: the middle row of the centre view."""
 

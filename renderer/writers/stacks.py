@@ -70,7 +70,7 @@ class Stack:
 
 
 def check_rate(fps: float | None, name: str | None) -> None:
-    """Raises `InvalidOption` if frames per second are given for the format `name`, or for a folder, that has none."""
+    """Raises `InvalidOption` if `fps` is given although the format `name`, or a folder (None), does not use it."""
     uses, what = ((), "a folder of pictures") if name is None else (FORMATS[name].uses, f"format {name}")
     check_options(WriterOptions(fps=fps), uses, what)
 

@@ -57,7 +57,7 @@ class WholeWriter(Writer):
         rows, columns = contents.grid
         if len(contents.views) != rows * columns:
             raise InvalidOption(
-                f"format: {self.name} is made of all views, and {len(contents.views)} of {rows}x{columns} are asked "
+                f"format: {self.name} needs all views, and {len(contents.views)} of {rows}x{columns} are asked "
                 "for; give views all"
             )
         self.check(contents)

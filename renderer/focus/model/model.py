@@ -39,7 +39,7 @@ BEFORE_BACKGROUND = 40.0
 LEAST_BACKGROUND = 0.05
 """Share of all pixels that show background; fewer, such as the dark corners of a camera's views, count as surface."""
 FARTHER = 0.5
-"""How much farther content may lie that the centre view does not see, as a share of that view's range of
+"""How much farther content that the centre view does not see may lie, as a share of that view's range of
 disparities."""
 
 
@@ -152,7 +152,7 @@ def make_model(
     colors = np.broadcast_to(fit_colors(model.scene(), field, array) + np.float32(0.5), model.colors.shape)
     model = replace(model, colors=colors.astype(np.uint8))
     if not delta:
-        notes = (*notes, f"delta: unknown and taken as {array.delta:.4g}, which sets the model's length along z")
+        notes = (*notes, f"delta: unknown and assumed to be {array.delta:.4g}; it sets the model's length along z")
     return replace(_drop_unused(model), notes=(*light_field.notes, *notes))
 
 
@@ -170,10 +170,10 @@ def _read_picture(view: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.fl
 
 
 def _clear_rim(picture: NDArray[np.float64], is_shown: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Returns `picture` `(H, W, 3)` without the background's black in the pixels next to it, of which lenses see the
-    mean.
+    """Returns `picture` `(H, W, 3)` with the background's black removed from the pixels next to it, where lenses
+    average both.
 
-    They take the lighter of their own colour and that of the nearest pixel inside.
+    These pixels take the lighter of their own colour and that of the nearest pixel inside.
     """
     is_inner = ndimage.binary_erosion(is_shown, np.ones((3, 3)), border_value=1)
     if is_inner.all() or not is_inner.any():

@@ -1,4 +1,4 @@
-"""Measures the noise of a picture, by which pixels of different views differ although they see the same point."""
+"""Measures the noise of a picture, which makes pixels of different views differ although they see the same point."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Corrects a disparity map with all views together, after few of them gave it; noisy views gain most.
+"""Corrects a disparity map, which few views gave, with all views together; maps of noisy views gain most.
 
 If a pixel's disparity is wrong by e, the view at (v, u) from the wanted one, looked up along it, differs from the mean
 of all by e * (v*Iy + u*Ix). Least squares over all views (Lucas and Kanade, IJCAI 1981) have the least variance that

@@ -33,7 +33,7 @@ EVEN = 0.5
 MARGIN = 0.08
 """Margin on each side of a range, as a share of it."""
 TEXTURE = 2.0
-"""8-bit levels from one pixel to the next from which on a pixel has texture."""
+"""Smallest difference to the next pixel, in 8-bit levels, with which a pixel has texture."""
 LEAST_SHARE = 0.01
 """Smallest share of the pixels that must show a disparity for a usual range."""
 GAP = 1.0

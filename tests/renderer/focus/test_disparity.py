@@ -105,7 +105,7 @@ def test_noise_does_not_count_as_what_fits_nowhere():
 def test_disparities_at_the_end_of_the_search_are_noted():
     light_field = LightField(draw_layers(20), depth_sense="cameras")
     note = estimate_disparity(light_field).notes[0]
-    assert note.startswith("disparities are looked for up to 20 pixels a view, and some are as large; give limits")
+    assert note.startswith("disparities are searched up to 20 pixels per view, and some reach that; give limits")
     (found,) = light_field.disparities([(2, 2)])
     assert found.notes[0] == note
     assert estimate_disparity(light_field, limits=(15, 25)).notes == ()
@@ -134,7 +134,7 @@ def test_a_map_lies_within_given_limits(limits, is_noted):
         assert found.disparity.max() <= limits[1]
         notes = [note for note in found.notes if note.startswith("limits: ")]
         assert len(notes) == is_noted
-        assert not notes or "% of the pixels lie at 0.1 or 0.3, where the disparities that were given end" in notes[0]
+        assert not notes or "% of the pixels lie at 0.1 or 0.3, the ends of the given range" in notes[0]
 
 
 def test_what_counts_as_noise_stays_within_given_limits():

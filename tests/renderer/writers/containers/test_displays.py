@@ -34,7 +34,7 @@ def test_the_middle_row_becomes_a_quilt(tmp_path, suffix):
     notes = FIELD.save(tmp_path / f"a{suffix}", "quilt")
     quilt = read(tmp_path / f"a{suffix}")
     assert np.array_equal(split_quilt(quilt, QuiltLayout(8, 6, 1.0), name="a"), FIELD.views[1])
-    assert notes[0].startswith("quilt: for the device portrait; the option device gives another: portrait, go,")
+    assert notes[0].startswith("quilt: made for the device portrait; the option device selects another: portrait, go,")
     assert notes[1:] == (
         "views keep their aspect 1, not the device's 0.75; name the device for black borders that fill it",
         f"quilt: name it a_qs8x6a1{suffix}; displays read columns, rows and aspect there",
