@@ -84,7 +84,7 @@ def find_target(
         return resolve_quilt(named=named, device=options.device or None, grid=grid, aspect=options.aspect)
     if kind == "lenticular":
         if not options.calibration:
-            raise InvalidOption("calibration: a lenticular picture needs it; give the JSON that the display stores")
+            raise InvalidOption("calibration: a lenticular picture needs it; give the JSON file that a display stores")
         return parse_calibration(options.calibration.encode(), name="calibration", max_pixels=max_pixels)
     if options.conversion not in get_args(Conversion):
         raise InvalidOption(

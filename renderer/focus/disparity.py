@@ -263,8 +263,8 @@ def _clip(found: DisparityMap, limits: tuple[float, float]) -> DisparityMap:
     disparity = found.disparity.clip(low, high)
     share = float(((found.disparity <= low) | (found.disparity >= high)).mean())
     note = (
-        f"limits: {100 * share:.0f} % of the pixels lie at {low:g} or {high:g}, the ends of the given range; give wider "
-        "limits if there are other disparities"
+        f"limits: {100 * share:.0f} % of the pixels lie at {low:g} or {high:g}, the ends of the given range; give "
+        "wider limits if there are other disparities"
     )
     return replace(found, disparity=disparity, notes=(*found.notes, *[note] * (share > MOST_AT_LIMITS)))
 

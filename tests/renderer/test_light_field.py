@@ -168,7 +168,7 @@ def test_options_that_are_not_known_are_refused(tmp_path):
             field.save(tmp_path / "a.png", "quilt", **options)
     with pytest.raises(InvalidOption, match="disparity: 'a' is not a number; give pixels per view"):
         field.refocus("a")
-    with pytest.raises(InvalidOption, match="disparity: 'True' is no number"):
+    with pytest.raises(InvalidOption, match="disparity: 'True' is not a number"):
         field.refocus(True)
     with pytest.raises(InvalidOption, match="aperture: 'a' is not a number; give a radius in views"):
         field.refocus(np.float32(0.5), aperture="a")

@@ -87,7 +87,7 @@ def test_what_fits_nowhere_is_noted():
     swapped = views.copy()
     swapped[2, 2:4] = views[2, 3:1:-1]
     for wrong in (shuffled, swapped, draw_layers(40)):
-        assert "% of the pixels at disparities of" in estimate_disparity(LightField(wrong)).notes[-1]
+        assert "% of the pixels at disparities from" in estimate_disparity(LightField(wrong)).notes[-1]
     assert estimate_disparity(LightField(views)).notes == ()
 
 

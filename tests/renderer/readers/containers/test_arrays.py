@@ -135,7 +135,7 @@ def test_floating_point_out_of_range_is_refused(worst, words):
 def test_the_remedy_for_nan_removes_it():
     array = numbered("u1") / 255
     array[1, 2, 3, 4, 0] = np.nan
-    with pytest.raises(Unreadable, match=r"as np\.nan_to_num\(array\)\.clip\(0, 1\) has"):
+    with pytest.raises(Unreadable, match=r"such as np\.nan_to_num\(array\)\.clip\(0, 1\), or uint8"):
         read(saved(array))
     read(saved(np.nan_to_num(array).clip(0, 1)))
 
