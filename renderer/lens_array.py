@@ -22,9 +22,7 @@ TANGENT_RANGE = 0.4
 
 
 def compute_delta(parallax: float, pixels_v: int, pixels_u: int) -> float:
-    """Returns the tangent between neighbouring pixels if the larger side of an elemental image sees `parallax`
-    degrees.
-    """
+    """Returns the tangent between neighbouring pixels if an elemental image's larger side sees `parallax` degrees."""
     return 2 * float(np.tan(np.radians(parallax / 2))) / max(pixels_v, pixels_u)
 
 
@@ -90,8 +88,7 @@ class LensArray:
         return ((self.pixels_v - 1) / 2 - np.arange(self.pixels_v, dtype=np.float64)) * self.delta
 
     def refine(self, scale: int) -> LensArray:
-        """Returns the array of the same extent with `pitch / scale`, whose views are those that upscaling by `scale`
-        estimates.
+        """Returns the array of the same extent with `pitch / scale`, whose views upscaling by `scale` estimates.
 
         Raises `InvalidOption` if `scale` is below 1 or there would be too many lenses.
         """

@@ -30,8 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LightField:
-    """All views of a lens array, `L[v, u, y, x, c]`; v counts views from the top and u from the left, y and x count
-    pixels.
+    """All views of a lens array, `L[v, u, y, x, c]`; v and u count views from the top and the left, y and x pixels.
 
     - `views`: `(V, U, H, W, C)`, uint8 or uint16; C: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha. Arrays in
       another byte order than the machine's are copied to its own.
@@ -202,8 +201,8 @@ class LightField:
         shape: Shape = "disc",
         occluders: Occluders = "keep",
     ) -> NDArray[np.uint8] | NDArray[np.uint16]:
-        """Returns the depth plane of `disparity`, `(H, W, C)`: content that has it is sharp, as the middle of the grid
-        sees it.
+        """Returns the depth plane of `disparity`, `(H, W, C)`: content with it is sharp, as the middle of the grid sees
+        it.
 
         `disparity`: by how many pixels a point moves to the left from one view to the next on the right;
         `ciir.DepthScale` converts it from a depth. The rest as for `planes`.
@@ -258,7 +257,7 @@ class LightField:
         aperture: float | NDArray[Any] | None = None,
         shape: Shape = "disc",
     ) -> NDArray[np.uint8] | NDArray[np.uint16]:
-        """Returns a view in which everything is sharp, with less noise, `(H, W, C)`: the views at each pixel's
+        """Returns a view with everything sharp and less noise, `(H, W, C)`: made from the views at each pixel's
         disparity.
 
         `found`: the disparity of the view, by default that of the centre view, which is estimated. `aperture` and
@@ -302,8 +301,8 @@ class LightField:
         return estimate_disparities(self, views, limits=limits)
 
     def model(self, *, pitch: float | None = None, delta: float | None = None, keeps_background: bool = False) -> Model:
-        """Returns what the views show as coloured triangles, in the coordinates of the lens array; `save` writes GLB
-        and PLY.
+        """Returns the content of the views as coloured triangles, in lens array coordinates; `save` writes GLB and
+        PLY.
 
         `pitch`, `delta`: those of the lens array, if known. Black or transparent pixels that are joined to the border
         of a view are left out, unless `keeps_background`. `ciir.renderer.focus.model` describes the method and the
@@ -316,8 +315,8 @@ class LightField:
         return make_model(self, pitch=pitch, delta=delta, keeps_background=keeps_background)
 
     def with_depth_sense(self, sense: DepthSense) -> LightField:
-        """Returns the same light field with that depth sense: if it has the other one, views are reversed in v and in
-        u.
+        """Returns the same light field with that depth sense, with views reversed in v and in u if it has the other
+        one.
 
         Raises `InvalidOption` for an unknown one.
         """

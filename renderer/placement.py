@@ -51,7 +51,7 @@ class Placement:
         return roll @ pitch @ yaw @ _UPRIGHT[self.up]
 
     def light_direction(self) -> NDArray[np.float64]:
-        """Returns the unit direction towards the light, `(3,)`, in the mesh's own axes: the light stays as the object
+        """Returns the unit direction towards the light, `(3,)`, in the mesh's own axes: it stays as the object
         turns.
         """
         light = LIGHT

@@ -119,7 +119,7 @@ class Scene:
         return any(part.hides_back for part in self.parts)
 
     def bounds(self) -> NDArray[np.float64]:
-        """Returns `(2, 3)`: lowest and highest coordinates of all vertices that a triangle uses, or used before
+        """Returns the lowest and highest coordinates, `(2, 3)`, of all vertices that a triangle uses, or used before
         culling.
         """
         if self.extent is not None:
@@ -129,7 +129,7 @@ class Scene:
         return np.array([np.min(low, axis=0), np.max(high, axis=0)])
 
     def transform(self, matrix: NDArray[np.float64]) -> Scene:
-        """Returns the scene with every vertex transformed by the 4x4 affine `matrix`, without `extent`; baked light
+        """Returns the scene with all vertices transformed by the 4x4 affine `matrix`, without `extent`; baked light
         stays.
         """
         linear, offset = matrix[:3, :3], matrix[:3, 3]

@@ -23,9 +23,7 @@ FLAT = 0.1
 
 
 def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Converts linear values in [0, 1] to display-referred sRGB in [0, 1] (IEC 61966-2-1), any shape; clipped to [0,
-    1].
-    """
+    """Converts linear values to display-referred sRGB (IEC 61966-2-1), both in [0, 1], any shape; clips to [0, 1]."""
     x = np.clip(np.asarray(linear, np.float64), 0.0, 1.0)
     return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055).astype(np.float32)
 

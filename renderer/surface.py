@@ -114,9 +114,7 @@ def check_size(name: str, triangles: int, vertices: int, max_triangles: int) -> 
 
 
 def _check_copies(surfaces: Sequence[Surface], name: str, max_triangles: int) -> None:
-    """Raises `TooLarge` over `MAX_COPIED` times `max_triangles` in all copies, or over as many vertices as without
-    copies.
-    """
+    """Raises `TooLarge` over `MAX_COPIED` times `max_triangles` in all copies, or over the usual limit of vertices."""
     counts = [1 if surface.copies is None else len(surface.copies) for surface in surfaces]
     triangles = sum(len(surface.faces) * count for surface, count in zip(surfaces, counts, strict=True))
     vertices = sum(len(surface.vertices) * count for surface, count in zip(surfaces, counts, strict=True))

@@ -1,5 +1,4 @@
-"""Removes triangles that no ray of the given views can hit because they lie outside every view or between all its
-samples.
+"""Removes triangles that no ray of the given views can hit: outside every view, or between all its samples.
 
 A view's rays are parallel and start on a grid in the array's plane, so a triangle is sheared along them onto that plane
 (see `renderer.backends.projections`). If the rectangle around its shadow holds no point of the grid, none of the view's
@@ -32,23 +31,19 @@ SNAP = 1 / 32
 """How far OpenGL may move a vertex, in samples: it rounds to the nearest of 16 steps at the coarsest (GL_SUBPIXEL_BITS
 >= 4)."""
 ROUNDING = 16
-"""Rounding errors of vertices and rays, in units of float32's last place for the longest side of the scene or the
-array."""
+"""Rounding errors of vertices and rays, in units of float32's last place for the scene's or the array's longest
+side."""
 
 
 def is_worthwhile(backend: str, *, triangles: int, rays: int, views: int) -> bool:
-    """Returns whether culling a scene of `triangles` saves time before `backend` renders `views` of `rays` samples
-    each.
-    """
+    """Returns whether culling a scene of `triangles` saves time when `backend` renders `views` of `rays` samples."""
     return views <= FEW_VIEWS and MIN_TRIANGLES_PER_RAY[backend] * views * rays <= triangles
 
 
 def cull_if_worthwhile(
     scene: Scene, array: LensArray, views: Sequence[View], backend: str, *, samples: int = 1
 ) -> Scene:
-    """Returns the scene culled by `cull_scene` if that saves time with `backend`, raytrace or raster; otherwise
-    `scene`.
-    """
+    """Returns the scene culled by `cull_scene` if that saves time with `backend`, raytrace or raster; else `scene`."""
     rays = array.rows * array.cols * samples**2
     if not is_worthwhile(backend, triangles=scene.triangles, rays=rays, views=len(views)):
         return scene
@@ -89,9 +84,7 @@ def find_met_triangles(part: Part, array: LensArray, views: Sequence[View], marg
 def _span_integer(
     places: NDArray[np.float64], corners: NDArray[np.int32], count: int, margin: float
 ) -> NDArray[np.bool_]:
-    """Returns `(m,)`: whether one of 0 ... `count - 1` lies between the places `(n,)` of a triangle's `corners`
-    `(3, m)`.
-    """
+    """Returns whether one of 0 ... `count - 1` lies between the places `(n,)` of each triangle's `corners` `(3, m)`."""
     rounded = places.astype(np.float32)
     a, b, c = (rounded[corner] for corner in corners)
     low = np.ceil(np.minimum(np.minimum(a, b), c) - margin)

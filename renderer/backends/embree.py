@@ -142,7 +142,7 @@ class PreparedScene:
         found: tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]],
         hidden: NDArray[np.intp],
     ) -> NDArray[np.intp]:
-        """Replaces the hits `hidden` of `found`, on backs, by the fronts at the same places; returns the hits without a
+        """Replaces the hits `hidden` of `found`, on backs, by fronts at the same places; returns those without a
         front.
         """
         if not len(hidden):
@@ -159,7 +159,7 @@ class PreparedScene:
     def _enter(
         self, origins: NDArray[np.float64], direction: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.float32]]:
-        """Returns where rays start, as multiples of `direction` `(n,)` and in Embree's coordinates `(n, 3)`, and their
+        """Returns where rays start, as multiples of `direction` `(n,)` and in Embree's coordinates `(n, 3)`; and
         directions.
 
         They start where they enter the sphere around the scene, because float32 aims less exactly from farther away.

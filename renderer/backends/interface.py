@@ -51,8 +51,8 @@ class Backend(ABC):
         background: tuple[int, int, int] = BLACK,
         notes: set[str] | None = None,
     ) -> Iterator[NDArray[np.uint8]]:
-        """Yields the colour of each of `views`, `(rows, cols, 4)` RGBA; alpha is the share of the lens that the scene
-        covers.
+        """Yields the colour of each of `views`, `(rows, cols, 4)` RGBA; alpha is the share of the lens that is
+        covered.
 
         `samples`: point samples along each side of a lens cell, 1 to 16 (see `renderer.sampling`). `background`: RGB, 0
         to 255. Raises `InvalidOption` if `samples` or the size of a view is out of range.
@@ -63,7 +63,7 @@ class Backend(ABC):
 
     @abstractmethod
     def render_depth(self, scene: Scene, array: LensArray, views: Sequence[View]) -> Iterator[NDArray[np.float32]]:
-        """Yields the depth of each of `views`, `(rows, cols)`: the distance from the array's plane along -z, in scene
+        """Yields the depth of each of `views`, `(rows, cols)`: distance from the array's plane along -z, in scene
         units.
 
         One ray through each lens's centre is followed to the first surface that it hits. See-through surfaces count

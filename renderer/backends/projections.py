@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def make_oblique_matrix(array: LensArray, view: View, near: float, far: float) -> NDArray[np.float64]:
-    """Returns the 4x4 projection of view (v, u): all its rays are parallel, so points are sheared along them onto the
+    """Returns the 4x4 projection of view (v, u): its rays are parallel, so points are sheared along them onto the
     array.
 
     A point (px, py, pz) appears where the ray through it along (tx, ty, -1) leaves the plane z = 0: at

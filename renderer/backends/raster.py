@@ -103,7 +103,7 @@ class RasterBackend(Backend):
     def _draw(
         self, scene: Scene, drawings: Sequence[Drawing], draw: Callable[[Drawing], NDArray[Value]]
     ) -> Iterator[NDArray[Value]]:
-        """Yields each of `drawings`, all of one size, drawn by a method of the context; the thread alternates between
+        """Yields each of `drawings`, all of one size, drawn by a context method; the thread alternates between
         callers.
         """
         if not drawings:

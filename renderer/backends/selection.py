@@ -63,9 +63,7 @@ def _is_cheap_to_cast(rays: int, triangles: int) -> bool:
 
 
 def _open_once(name: str) -> Backend:
-    """Returns the process's one backend of this name. A refusal is final: OpenGL does not appear in a running
-    process.
-    """
+    """Returns the process's only backend of this name. A refusal is final: a running process can't gain OpenGL."""
     with _lock:
         if name not in _open and name not in _refused:
             try:

@@ -13,9 +13,7 @@ if TYPE_CHECKING:
 
 
 def wrap_indices(index: NDArray[np.int64], size: int, wrap: Wrap) -> NDArray[np.int64]:
-    """Returns texel indices mapped into `[0, size)` by `repeat`, `mirror` (every second copy is reversed) or
-    `clamp`.
-    """
+    """Returns texel indices mapped into `[0, size)`: `repeat`, `mirror` (every second copy reversed) or `clamp`."""
     if wrap == "repeat":
         return index % size
     if wrap == "mirror":

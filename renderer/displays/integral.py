@@ -76,16 +76,12 @@ class IntegralDisplay:
         return self.lens_pitch / (2 * self.gap)
 
     def fit_views(self, size: tuple[int, int], pixel_aspect: float) -> tuple[float, float]:
-        """Returns the height and width of a pixel of views of `size`, height and width, that just fit into the
-        panel.
-        """
+        """Returns height and width of a pixel of views of `size`, height and width, that just fit into the panel."""
         height = min(self.size[0] / (size[1] * pixel_aspect), self.size[1] / size[0])
         return height, height * pixel_aspect
 
     def lens_array(self) -> LensArray:
-        """Returns the lenses that fit over the panel, and the directions of the pixels under one, for
-        `framing.frame_scene`.
-        """
+        """Returns the lenses that fit over the panel and the directions of the pixels under one, for `frame_scene`."""
         cols, rows = (max(1, int(side / self.lens_pitch + ROUNDING)) for side in self.size)
         pixels = max(1, round(self.lens_pitch / self.pixel_pitch))
         return LensArray(rows, cols, pixels, pixels, pitch=self.lens_pitch, delta=2 * self.tangent_range / pixels)

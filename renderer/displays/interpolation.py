@@ -30,7 +30,7 @@ REST = 0.1
 
 
 def interpolate_views(views: Pixels, count: int) -> Pixels:
-    """Returns `count` views at equal steps from the first to the last of `views`, `(n, h, w, c)`, from cameras in a
+    """Returns `count` views at equal steps from first to last of `views`, `(n, h, w, c)`, whose cameras stand in a
     row.
 
     Content moves along x from view to view. Between two views each pixel is the blend of the pair of pixels that agree
@@ -83,9 +83,7 @@ def find_disparities(views: Pixels) -> tuple[int, int]:
 def _interpolate(
     left: Pixels, right: Pixels, fraction: float, disparities: range
 ) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
-    """Returns the view at `fraction` of the way from `left` to `right`, `(h, w, c)`, not rounded, and its
-    disparities.
-    """
+    """Returns the view at `fraction` of the way from `left` to `right`, `(h, w, c)`, unrounded, and its disparities."""
     height = left.shape[0]
     result, found = np.empty(left.shape, np.float32), np.empty(left.shape[:2], np.intp)
     for top in range(0, height, STRIP):
@@ -148,9 +146,7 @@ def _gather(padded: NDArray[np.float32], shift: NDArray[np.float64], reach: int)
 
 
 def shift_rows(picture: NDArray[np.float32], shift: float) -> NDArray[np.float32]:
-    """Returns the picture `(h, w, c)` with pixel x taken from `x + shift`, linearly; beyond the border its last
-    pixel.
-    """
+    """Returns the picture `(h, w, c)` with pixel x taken from `x + shift`, linearly, with the last pixel repeated."""
     position = np.clip(np.arange(picture.shape[1]) + shift, 0, picture.shape[1] - 1)
     low = position.astype(np.intp)
     high = np.minimum(low + 1, picture.shape[1] - 1)

@@ -65,14 +65,12 @@ class Calibration:
         return self.width / self.height
 
     def content_positions(self, row: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Returns x and y, 0 to 1, in the views, for the pixels of `row`, counted from the top: two arrays of
-        `(width,)`.
-        """
+        """Returns x and y, 0 to 1, in the views for the pixels of `row`, counted from the top: `(width,)` each."""
         x, y = self._positions(row)
         return (1 - x if self.flips[0] else x), np.full(self.width, 1 - y if self.flips[1] else y)
 
     def view_places(self, row: int) -> NDArray[np.float64]:
-        """Returns the place of the view, 0 (leftmost camera) to 1, that red, green and blue of a pixel show:
+        """Returns the place of the view, 0 (leftmost camera) to 1, that a pixel's red, green and blue show:
         `(width, 3)`.
         """
         x, y = self._positions(row)
@@ -157,8 +155,7 @@ def _read_stripes(found: dict[str, Any], name: str) -> Stripes:
 
 
 def interlace(views: Pixels, calibration: Calibration, *, progress: Progress = ignore_progress) -> Pixels:
-    """Returns the native picture `(height, width, 3)` of views `(n, h, w, c)`, grey or RGB, from the leftmost camera
-    on.
+    """Returns the native picture `(height, width, 3)` of views `(n, h, w, c)`, grey or RGB, from the leftmost on.
 
     Each subpixel is sampled bilinearly in the two views around its place, and the two are blended: the place is a
     direction between two cameras, and the blend is the light field there as far as views and pixels show it. The

@@ -1,6 +1,4 @@
-"""Prepares a light field's views for a display: opaque, in the order of cameras, in the number and shape that it
-shows.
-"""
+"""Prepares a light field's views for a display: opaque, in camera order, in the number and shape that it shows."""
 
 from __future__ import annotations
 
@@ -73,7 +71,7 @@ def take_row(cameras: Pixels, count: int, *, disparity: float = 0.0) -> tuple[Pi
 
 
 def pad_to_aspect(views: Pixels, own: float, aspect: float) -> tuple[Pixels, tuple[str, ...]]:
-    """Returns the views, `(n, h, w, c)`, with black borders at two sides that bring their aspect to `aspect`, and a
+    """Returns the views, `(n, h, w, c)`, with black borders at two sides that make their aspect `aspect`; and a
     note.
 
     `own`: the aspect, width / height, that they are shown with; pixels need not be square.
@@ -131,14 +129,14 @@ def reduce_views(views: Pixels, cell: tuple[int, int]) -> Pixels:
 
 
 def find_reduction(size: tuple[int, int], count: int, most: int) -> int:
-    """Returns the smallest whole factor that reduces `count` views of `size`, height and width, to at most `most`
+    """Returns the smallest whole factor that reduces `count` views of `size` (height, width) to at most `most`
     pixels.
     """
     return max(1, math.ceil(math.sqrt(count * size[0] * size[1] / most)))
 
 
 def fit_pixels(views: Pixels, count: int, most: int) -> tuple[Pixels, tuple[str, ...]]:
-    """Returns the views, reduced by a whole factor if `count` of their size would exceed `most` pixels, and then a
+    """Returns the views, reduced by a whole factor if `count` of that size would exceed `most` pixels; and then a
     note.
     """
     height, width = views.shape[-3:-1]

@@ -123,7 +123,7 @@ def _find_index(place: NDArray[np.float64], count: int, filled: int) -> NDArray[
 
 
 def _fill_directions(views: Pixels, count: int) -> Pixels:
-    """Returns the views with interpolated ones between them, `count` along each axis that has fewer and more than
+    """Returns the views with interpolated ones between them: `count` along each axis that has fewer, but more than
     one.
     """
     size_v, size_u = views.shape[:2]

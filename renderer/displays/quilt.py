@@ -1,5 +1,4 @@
-"""Quilts: the views of a lenticular display in one picture, with their layout in its name and in a JSON file next to
-it.
+"""Quilts: a lenticular display's views in one picture, with the layout in its name and in a JSON file next to it.
 
 View 0, from the leftmost camera, is the tile at the bottom left; views continue to the right, then upwards
 (https://lookingglassfactory.com/tutorial/what-is-a-quilt).

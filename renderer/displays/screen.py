@@ -51,9 +51,7 @@ class Screen:
         return float(0.5 / np.tan(np.radians(FIELD_OF_VIEW / 2)))
 
     def lens_array(self) -> LensArray:
-        """Returns a lens array of the screen's size whose views cover its cameras' directions, for
-        `framing.frame_scene`.
-        """
+        """Returns a lens array of the screen's size whose views cover its cameras' directions, for `frame_scene`."""
         across, up = np.tan(np.radians(self.cone) / 2), np.tan(np.radians(FIELD_OF_VIEW) / 2)
         step = float(across) / 100
         pixels_v = 2 * int(np.ceil(up / step)) + 1
@@ -114,9 +112,7 @@ class Screen:
     def render_native(
         self, caster: RayCaster, calibration: Calibration, *, progress: Progress = ignore_progress
     ) -> NDArray[np.uint8]:
-        """Returns the native picture `(height, width, 3)` for `calibration`, with each subpixel cast from its own
-        camera.
-        """
+        """Returns the native picture `(height, width, 3)` for `calibration`, each subpixel cast from its own camera."""
         native = np.empty((calibration.height, calibration.width, 3), np.uint8)
 
         def make(row: int) -> None:
@@ -130,7 +126,5 @@ class Screen:
 
 
 def place_views(count: int) -> NDArray[np.float64]:
-    """Returns the places of `count` cameras, 0 to 1, as `Screen.camera_x` takes them; a single camera stands in the
-    middle.
-    """
+    """Returns the places of `count` cameras, 0 to 1, for `Screen.camera_x`; a single camera stands in the middle."""
     return np.linspace(0, 1, count) if count > 1 else np.array([0.5])

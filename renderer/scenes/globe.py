@@ -64,9 +64,7 @@ def make_surfaces() -> list[Surface]:
 
 
 def paint_texture() -> NDArray[np.float32]:
-    """Paints the map, `(HEIGHT, WIDTH, 3)` in [0, 1], north at the top: land and sea, graticule, a dashed track and
-    labels.
-    """
+    """Paints the map, `(HEIGHT, WIDTH, 3)` in [0, 1], north up: land and sea, graticule, a dashed track and labels."""
     longitude, latitude = np.meshgrid(
         (np.arange(WIDTH, dtype=np.float32) + 0.5) / WIDTH * 360 - 180,
         90 - (np.arange(HEIGHT, dtype=np.float32) + 0.5) / HEIGHT * 180,

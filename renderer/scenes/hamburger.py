@@ -30,9 +30,7 @@ SEEDS = 90
 
 
 def make_surfaces() -> list[Surface]:
-    """Makes bun, lettuce, patty, cheese, tomato and bun with sesame, about 2.4 wide and 1.6 high: about 51,000
-    triangles.
-    """
+    """Makes bun, lettuce, patty, cheese, tomato and sesame bun, about 2.4 wide and 1.6 high: about 51,000 triangles."""
     layers = [_bottom_bun(), _lettuce(), _patty(), _cheese(), _tomato(-0.34, 0.32), _tomato(0.40, 0.10), *_top_bun()]
     return rotate_surfaces(layers, 0, 16.0)
 

@@ -46,9 +46,7 @@ def revolve(profile: ArrayLike, segments: int) -> tuple[NDArray[np.float64], NDA
 
 
 def drop_slivers(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Returns the faces without those that have two corners at the same position, for example where a profile meets the
-    axis.
-    """
+    """Returns the faces without those that have two corners at the same position, as where a profile meets the axis."""
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     distinct = [np.abs(p - q).max(axis=1) > 1e-12 for p, q in ((a, b), (b, c), (c, a))]
     return faces[np.logical_and.reduce(distinct)]
@@ -106,7 +104,7 @@ def smooth_step(edge: float, width: float, values: NDArray[np.floating]) -> NDAr
 def sample_noise(
     points: NDArray[np.floating], *, frequency: float, octaves: int = 1, seed: int = 0
 ) -> NDArray[np.float32]:
-    """Returns value noise at points `(..., 3)`, smooth, in about [-1, 1]; each octave is twice as fine and half as
+    """Returns value noise at points `(..., 3)`, smooth, about [-1, 1]; each octave is twice as fine and half as
     strong.
     """
     total = np.zeros(points.shape[:-1], np.float32)

@@ -54,9 +54,7 @@ def cut_tiles(
 
 
 def find_tiles(luma: Plane) -> list[tuple[int, int]]:
-    """Returns the tops and lefts of up to `TILES` tiles with most texture in every direction, half a tile apart or
-    more.
-    """
+    """Returns tops and lefts of up to `TILES` tiles with most texture in every direction, half a tile apart or more."""
     half = TILE // 2
     down, right = ((length - 2 * REACH) // half for length in luma.shape)
     if min(down, right) < 2:

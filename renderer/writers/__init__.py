@@ -1,3 +1,1 @@
-"""Writes pictures, views and light fields, with one registry of picture formats and one of formats for several
-views.
-"""
+"""Writes pictures, views and light fields: one registry of picture formats, one of formats for several views."""

@@ -20,9 +20,7 @@ if TYPE_CHECKING:
 
 
 class ZipWriter(Writer):
-    """Writes the PNGs and `report.json` into a zip. PNGs are stored as they are, because they don't shrink any
-    further.
-    """
+    """Writes the PNGs and `report.json` into a zip. PNGs are stored as they are: they don't shrink any further."""
 
     def __init__(self, file: IO[bytes]) -> None:
         self._zip = zipfile.ZipFile(file, "w", zipfile.ZIP_STORED)
@@ -43,9 +41,7 @@ class ZipWriter(Writer):
         self._zip.close()
 
     def discard(self) -> None:
-        """Closes the zip: an open one would write its directory into an already closed file when it is
-        garbage-collected.
-        """
+        """Closes the zip: left open, it would write its directory into a closed file when it is garbage-collected."""
         self._zip.close()
 
 

@@ -1,6 +1,4 @@
-"""Writes files and folders that appear whole or not at all: they are written in the same folder under another name,
-then moved.
-"""
+"""Writes files and folders that appear whole or not at all: made next to their place under another name, then moved."""
 
 from __future__ import annotations
 
@@ -28,7 +26,7 @@ def read_path(path: Any, option: str = "path") -> Path:
 
 
 def place_for_file(path: Path) -> Path:
-    """Returns `path`, absolute and without links. Raises `InvalidOption` if a file can't be put there; creates
+    """Returns `path`, absolute and without links. Raises `InvalidOption` if no file can be put there; creates
     nothing.
     """
     with suppress(FileNotFoundError, NotADirectoryError):  # others may remove the file at any moment, so stat it once
@@ -43,9 +41,7 @@ def place_for_file(path: Path) -> Path:
 
 
 def _check_folder(path: Path) -> None:
-    """Raises `InvalidOption` unless something new can be made at `path`, in existing folders or in those made for
-    it.
-    """
+    """Raises `InvalidOption` unless `path` can be created, in existing folders or in those made for it."""
     folder = next(parent for parent in path.parents if parent.exists())
     if not folder.is_dir():
         raise InvalidOption(f"{folder}: not a folder; name another place for the output")

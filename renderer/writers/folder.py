@@ -42,9 +42,7 @@ class FolderWriter(Writer):
         self._staged: Staged | None = None
 
     def begin(self, contents: Contents) -> None:
-        """Makes the temporary folder. Raises `InvalidOption` if frames are to be written and frames that no report
-        lists exist.
-        """
+        """Makes the temporary folder. Raises `InvalidOption` if frames are to come and unlisted frames are there."""
         if contents.times:
             self._refuse_unlisted("frame")
         self._contents = contents
@@ -79,8 +77,8 @@ class FolderWriter(Writer):
             self._staged.discard()
 
     def _refuse_unlisted(self, kind: str) -> None:
-        """Raises `InvalidOption` for pictures there named like ours of that kind that no report lists, except the
-        input.
+        """Raises `InvalidOption` for pictures there named like ours of that kind, except the input, that no report
+        lists.
         """
         there = {path.name for path in self._path.glob(f"{kind}_*.png") if path.resolve() != self._source}
         if others := {name for name in there if _NAMES.fullmatch(name)} - _earlier_views(self._path):

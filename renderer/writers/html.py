@@ -53,9 +53,7 @@ class HtmlWriter(Writer):
         self._contents = contents
 
     def write(self, view: View, pixels: Pixels) -> str:
-        """Adds a picture. 16-bit pictures are added with the last one, as only all of them show how many bits the
-        camera has.
-        """
+        """Adds a picture; 16-bit ones with the last one, as only all of them show how many bits the camera has."""
         self._kept[view] = pixels
         if pixels.dtype == np.uint8 or len(self._kept) == len(self._contents.views):
             self._unused = count_unused_camera_bits(*self._kept.values())

@@ -1,6 +1,4 @@
-"""Fits vertex colours so that a model shows all views best: linear least squares, because a picture is linear in
-them.
-"""
+"""Fits vertex colours so that a model shows all views best, by linear least squares: a picture is linear in them."""
 
 from __future__ import annotations
 

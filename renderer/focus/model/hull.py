@@ -70,7 +70,7 @@ def lies_in_hull(points: NDArray[np.float64], coverage: NDArray[np.float32], arr
 
 
 def explains_views(scene: Scene, field: LightField, is_shown: NDArray[np.bool_], array: LensArray) -> NDArray[np.bool_]:
-    """Returns whether each triangle of `scene` and its neighbours are nearer to the views' colours than black is,
+    """Returns whether each triangle of `scene`, with its neighbours, is nearer to the views' colours than black,
     `(m,)`.
 
     An outline then runs where it is best over all views, within a pixel.

@@ -195,9 +195,7 @@ def _find_coverage(field: LightField, is_shown: NDArray[np.bool_]) -> NDArray[np
 
 
 def _grow(is_there: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Grows the mask by the eight pixels around each: surfaces then overlap, and no gap between them lets light
-    through.
-    """
+    """Grows the mask by the eight pixels around each: surfaces then overlap, without gaps that let light through."""
     grown: NDArray[np.bool_] = ndimage.binary_dilation(is_there, np.ones((3, 3)))
     return grown
 

@@ -101,7 +101,7 @@ def refine(
 def select_views(
     grid: tuple[int, ...], view: View, most: int = MOST_VIEWS
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Returns the rows and columns of the `grid` at most half of it away from `view`: at most `most` of each, evenly
+    """Returns rows and columns of the `grid` at most half of it away from `view`: up to `most` of each, evenly
     spread.
     """
     farthest = max(grid) // 2

@@ -1,6 +1,4 @@
-"""Finds the range of disparities of a light field in small views, by comparing all disparities up to an eighth of a
-view.
-"""
+"""Finds a light field's range of disparities in small views, by comparing all disparities up to an eighth of a view."""
 
 from __future__ import annotations
 
@@ -71,8 +69,7 @@ def ends_search(limits: tuple[float, float], size: tuple[int, int]) -> bool:
 
 
 def find_usual_range(views: NDArray[Any]) -> tuple[float, float] | None:
-    """Returns the disparities between which most of the centre view lies, except 2 % at each end: approximate, but
-    quick.
+    """Returns the disparities between which the centre view lies, except 2 % at each end: approximate, but quick.
 
     Returns None for views of less than `LEAST_SIDE` pixels along a side, and if pixels with texture hardly show any.
     """

@@ -47,7 +47,7 @@ def list_positions(path: PathName, frames: int, grid: tuple[int, int]) -> list[t
 
 
 def draw_frames(light_field: LightField, path: PathName, frames: int, unused: int = 0) -> Iterator[NDArray[np.uint8]]:
-    """Yields what the camera sees at each position, `(H, W, 3)`: between views, the nearest four are blended
+    """Yields what the camera sees at each position, `(H, W, 3)`: between views, the nearest four, blended
     bilinearly.
 
     `unused`: from `ciir.bit_depth.count_unused_camera_bits`.

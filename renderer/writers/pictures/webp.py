@@ -27,7 +27,7 @@ def check(size: tuple[int, int], dtype: np.dtype[Any]) -> None:
 
 
 def encode(pixels: Pixels) -> bytes:
-    """Returns a lossless WebP of contiguous `(height, width)` or `(height, width, 2..4)` 8-bit pixels; grey becomes
+    """Returns a lossless WebP of contiguous 8-bit pixels `(height, width)` or `(height, width, 2..4)`; grey becomes
     RGB.
 
     Raises `InvalidOption` if WebP can't hold the pixels.
