@@ -1,1 +1,1 @@
-"""Light fields: read from files or rendered of a mesh, their geometry, and written to files."""
+"""Light fields: reading them from files, rendering them from meshes, their geometry, and writing them to files."""

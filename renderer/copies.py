@@ -1,6 +1,6 @@
-"""Surfaces placed in a scene, once or many times.
+"""Places surfaces in a scene, once or many times.
 
-embreex gives no access to instances of Embree, so that rays too are cast at copies in memory.
+embreex gives no access to Embree's instances, so rays too are cast at copies in memory.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ _FLAT = 1e-12  # share of the largest extent below which the second largest is a
 
 
 def place_surface(surface: Surface, matrices: NDArray[np.float64]) -> Surface:
-    """A copy of the surface for each of the matrices `(k, 4, 4)`, in one. Normals follow the cofactors of a matrix: one
-    that flattens an axis has no inverse.
+    """Returns one surface with a copy for each of the matrices `(k, 4, 4)`. Normals are transformed by a matrix's
+    cofactors, because a matrix that flattens an axis has no inverse.
     """
     copies, linear = len(matrices), matrices[:, :3, :3]
     mirrored = np.linalg.det(linear) < 0  # (k,)
@@ -50,7 +50,7 @@ def place_surface(surface: Surface, matrices: NDArray[np.float64]) -> Surface:
 
 
 def place_copies(surface: Surface) -> Iterator[Surface]:
-    """The surface at each of its `copies` that has an area, in batches that bound the memory."""
+    """Yields the surface at each of its `copies` that has an area, in batches that bound the memory."""
     if surface.copies is None:
         yield surface
         return

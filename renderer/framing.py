@@ -1,4 +1,4 @@
-"""Placement of a scene in front of the lens array."""
+"""Places a scene in front of the lens array."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ if TYPE_CHECKING:
 FILL = 0.94
 """Share of the array's width or height that the object takes up, over all views, with a zoom of 1."""
 CLEARANCE = 0.05
-"""Distance from the array to the nearest point of an object wholly behind or before it, as a share of the object's
-longest side."""
+"""Distance from the array to the nearest point of an object wholly behind it or in front of it, as a share of the
+object's longest side."""
 
 
 def frame_scene(scene: Scene, array: LensArray, placement: Placement = AS_GIVEN) -> NDArray[np.float64]:
-    """The 4x4 matrix that places `scene` at `array`, oriented as `placement` says, as large as fits into every view,
-    times the placement's zoom.
+    """Returns the 4x4 matrix that places `scene` at `array`, oriented as `placement` says and as large as fits into
+    every view, times the placement's zoom.
 
-    A placement that fits it to nothing turns and zooms it alone. A scene with a window is turned about the subject, and
-    what the window shows fits into the centre view exactly.
+    A placement that fits the scene to nothing only turns and zooms it. A scene with a window is turned about the
+    subject, and what the window shows fits into the centre view exactly.
 
-    Else the bounding box is centred on the array's axis. A point at distance d from the array, negative before it,
-    appears displaced by -t*d along tangent t: `|x| + |t * d| <= zoom * FILL * width / 2` for every vertex and the
-    outermost view's t, likewise for y.
+    Otherwise the bounding box is centred on the array's axis. A point at distance d from the array, negative in front
+    of it, appears displaced by -t*d along tangent t: `|x| + |t * d| <= zoom * FILL * width / 2` for every vertex and
+    the outermost view's t, and likewise for y.
     """
     rotation = np.eye(4)
     rotation[:3, :3] = placement.rotation()
@@ -44,7 +44,7 @@ def frame_scene(scene: Scene, array: LensArray, placement: Placement = AS_GIVEN)
     scene = scene.framed or scene
     if scene.window is not None:
         return _frame_window(scene.window, array, placement)
-    if not np.array_equal(rotation, np.eye(4)):  # a copy of all vertices
+    if not np.array_equal(rotation, np.eye(4)):  # skips a copy of all vertices
         scene = scene.transform(rotation)
     low, high = scene.bounds()
     middle = (low + high) / 2
@@ -67,12 +67,14 @@ def frame_scene(scene: Scene, array: LensArray, placement: Placement = AS_GIVEN)
 
 
 def _find_plane(low: float, high: float, placement: Placement) -> float:
-    """The array's plane among the object's own z: before its nearest point, behind its farthest, or between them."""
+    """Returns the array's plane in the object's own z: in front of its nearest point, behind its farthest, or between
+    them.
+    """
     return high * (1 - placement.place) / 2 + low * (1 + placement.place) / 2
 
 
 def _frame_window(window: Window, array: LensArray, placement: Placement) -> NDArray[np.float64]:
-    """As `frame_scene`, for what a camera sees."""
+    """Does the same as `frame_scene` for what a camera sees."""
     ratios = [array.height / window.half_height]
     if window.half_width is not None:
         ratios.append(array.width / window.half_width)
@@ -87,8 +89,8 @@ def _frame_window(window: Window, array: LensArray, placement: Placement) -> NDA
 
 
 def find_turn(scene: Scene, first: Placement, placement: Placement) -> NDArray[np.float64]:
-    """The 4x4 rotation, in the mesh's own axes, by which `placement` turns it further than `first` does: about the
-    middle of its bounding box, so that it turns in its place.
+    """Returns the 4x4 rotation, in the mesh's own axes, by which `placement` turns it further than `first` does. It
+    turns about the middle of the mesh's bounding box, so that the mesh stays in its place.
     """
     matrix = np.eye(4)
     if placement.rotate != first.rotate:
@@ -101,8 +103,8 @@ def find_turn(scene: Scene, first: Placement, placement: Placement) -> NDArray[n
 def find_extremes(
     scene: Scene, array: LensArray, placement: Placement, turn: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """The vertices of `scene` that alone decide how `frame_scene` frames it, `(k, 3)`, turned by the 4x4 `turn`: those
-    farthest along the array's axes and along the outermost rays, to both sides.
+    """Returns the vertices of `scene` that alone decide how `frame_scene` frames it, `(k, 3)`, turned by the 4x4
+    `turn`: those farthest along the array's axes and along the outermost rays, in both directions.
     """
     reach_x, reach_y = (float(np.abs(tangents).max()) for tangents in (array.tangent_x(), array.tangent_y()))
     x, y, z = placement.rotation()  # the array's axes in the mesh's own
@@ -116,8 +118,8 @@ def find_extremes(
 
 
 def make_frame(extremes: Sequence[NDArray[np.float64]], windows: Sequence[Window | None]) -> Scene:
-    """A scene to frame in the place of several: points alone, of `find_extremes` of each, and the window that shows
-    what those of all `windows` do.
+    """Makes a scene to frame in the place of several: only points, from `find_extremes` of each, and the window that
+    shows what all `windows` show.
     """
     points = np.concatenate(extremes)
     faces = np.repeat(np.arange(len(points), dtype=np.int32)[:, None], 3, axis=1)
@@ -125,12 +127,16 @@ def make_frame(extremes: Sequence[NDArray[np.float64]], windows: Sequence[Window
 
 
 def turn_back(framed: Scene, turn: NDArray[np.float64]) -> Scene:
-    """A scene of `make_frame` for a mesh that its placement turns by `turn`: it is framed as without that turn."""
+    """Returns a scene of `make_frame` for a mesh that its placement turns by `turn`, so that it is framed as without
+    that turn.
+    """
     return replace(framed.transform(np.linalg.inv(turn).astype(np.float64)), window=framed.window)
 
 
 def _join(windows: Sequence[Window | None]) -> Window | None:
-    """The widest, from the nearest point of all to the farthest: one camera's picture grows with the distance."""
+    """Returns the widest window, from the nearest point of all to the farthest: one camera's picture grows with the
+    distance.
+    """
     found = [window for window in windows if window is not None]
     if not found:
         return None

@@ -22,7 +22,7 @@ TANGENT_RANGE = 0.4
 
 
 def compute_delta(parallax: float, pixels_v: int, pixels_u: int) -> float:
-    """The tangent between neighbouring pixels where the larger side of an elemental image sees `parallax` degrees."""
+    """Returns the tangent between neighbouring pixels if an elemental image's larger side sees `parallax` degrees."""
     return 2 * float(np.tan(np.radians(parallax / 2))) / max(pixels_v, pixels_u)
 
 
@@ -30,11 +30,11 @@ def compute_delta(parallax: float, pixels_v: int, pixels_u: int) -> float:
 class LensArray:
     """`rows x cols` lenses in the plane z = 0 that look along -z, with `pixels_v x pixels_u` pixels under each.
 
-    Right-handed, y up. Lens (y, x), y from the top row and x from the left column, stands at
+    The coordinates are right-handed, y up. Lens (y, x), y from the top row and x from the left column, stands at
     `X = (x - (cols-1)/2) * pitch`, `Y = ((rows-1)/2 - y) * pitch`. Pixel (v, u) sees the direction `(tx, ty, -1)` with
     `tx = (u - (pixels_u-1)/2) * delta`, `ty = ((pixels_v-1)/2 - v) * delta`.
 
-    Raises `InvalidOption` where a count or a length is out of range.
+    Raises `InvalidOption` if a count or a length is out of range.
     """
 
     rows: int
@@ -72,25 +72,25 @@ class LensArray:
         return self.rows * self.pitch
 
     def lens_x(self) -> NDArray[np.float64]:
-        """X of each column of lenses, `(cols,)`, in scene units."""
+        """Returns X of each column of lenses, `(cols,)`, in scene units."""
         return (np.arange(self.cols, dtype=np.float64) - (self.cols - 1) / 2) * self.pitch
 
     def lens_y(self) -> NDArray[np.float64]:
-        """Y of each row of lenses from the top down, `(rows,)`, in scene units."""
+        """Returns Y of each row of lenses from the top down, `(rows,)`, in scene units."""
         return ((self.rows - 1) / 2 - np.arange(self.rows, dtype=np.float64)) * self.pitch
 
     def tangent_x(self) -> NDArray[np.float64]:
-        """tx of each pixel column u, `(pixels_u,)`."""
+        """Returns tx of each pixel column u, `(pixels_u,)`."""
         return (np.arange(self.pixels_u, dtype=np.float64) - (self.pixels_u - 1) / 2) * self.delta
 
     def tangent_y(self) -> NDArray[np.float64]:
-        """ty of each pixel row v from the top down, `(pixels_v,)`."""
+        """Returns ty of each pixel row v from the top down, `(pixels_v,)`."""
         return ((self.pixels_v - 1) / 2 - np.arange(self.pixels_v, dtype=np.float64)) * self.delta
 
     def refine(self, scale: int) -> LensArray:
-        """The array of the same extent with `pitch / scale`, whose views are those that upscaling by `scale` estimates.
+        """Returns the array of the same extent with `pitch / scale`, whose views upscaling by `scale` estimates.
 
-        Raises `InvalidOption` where `scale` is below 1 or the lenses become too many.
+        Raises `InvalidOption` if `scale` is below 1 or there would be too many lenses.
         """
         if scale < 1:
             raise InvalidOption(f"scale: {scale} is out of range; give 1 or more")

@@ -1,4 +1,4 @@
-"""Levels of 8 and 16 bits: how to make them of other numbers."""
+"""Converts other numbers to levels of 8 and 16 bits."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
 
 ROUNDED = "samples are floating-point numbers, rounded to 16 bit"
-"""A note."""
+"""The note on floating-point samples."""
 MARGIN = 0.49 / 65535
-"""By how much samples may pass 0 and 1, as they do by rounding: the level that is nearest is still the last one."""
+"""How far samples may lie outside 0 and 1, as they do by rounding: the nearest level is still the last one."""
 LEVELS = 2
-"""Floating-point samples over this are levels of 8 or 16 bits, as `advise_levels` takes them."""
+"""Floating-point samples over this are levels of 8 or 16 bits, as `advise_levels` treats them."""
 
 
 def round_levels(picture: NDArray[np.float32], dtype: np.dtype[Any]) -> Pixels:
-    """The nearest levels of `dtype`, uint8 or uint16, to `picture`, of any shape."""
+    """Returns the levels of `dtype`, uint8 or uint16, nearest to `picture`, of any shape."""
     levels: Pixels = np.rint(picture).clip(0, np.iinfo(dtype).max).astype(dtype)
     return levels
 
 
 def round_to_8_bit(picture: Pixels, unused: int) -> NDArray[np.uint8]:
-    """`picture` of any shape `(..., C)` in 8 bits; one of 16 raised by `unused` bits first."""
+    """Returns `picture` of any shape `(..., C)` in 8 bits; a 16-bit one is raised by `unused` bits first."""
     if picture.dtype == np.uint8:
         return picture.astype(np.uint8, copy=False)
     rounded: NDArray[np.uint8] = (raise_levels(picture, unused) / 257).round().astype(np.uint8)
@@ -37,14 +37,14 @@ def round_to_8_bit(picture: Pixels, unused: int) -> NDArray[np.uint8]:
 
 
 def note_rounding(name: str, dtype: np.dtype[Any], unused: int) -> list[str]:
-    """Notes on views of `dtype` in the 8 bits of the format `name`, raised by `unused` bits of
+    """Returns notes on views of `dtype` in the 8 bits of the format `name`, raised by `unused` bits of
     `ciir.bit_depth.count_unused_camera_bits`; none for uint8.
     """
     return [f"{name}: 16 bits are rounded to 8", *note_raising(name, unused)] if dtype == np.uint16 else []
 
 
 def note_raising(name: str, unused: int) -> list[str]:
-    """Notes on views whose levels the format `name` raises by `unused` bits; none for 0."""
+    """Returns notes on views whose levels the format `name` raises by `unused` bits; none for 0."""
     if not unused:
         return []
     return [f"{name}: no level is over {2 ** (16 - unused) - 1}, so levels are multiplied by {2**unused}"]
@@ -53,15 +53,15 @@ def note_raising(name: str, unused: int) -> list[str]:
 def round_samples(
     picture: NDArray[np.floating[Any]], what: str, whole: NDArray[np.floating[Any]] | None = None
 ) -> NDArray[np.uint16]:
-    """Samples from 0 to 1, of any shape, as 16 bits. `whole`: all pictures, by which the remedy is found.
+    """Returns samples from 0 to 1, of any shape, as 16 bits. `whole`: all pictures, which decide the remedy.
 
-    Raises `Unreadable`, which starts with `what`, for samples that are not from 0 to 1.
+    Raises `Unreadable`, whose message starts with `what`, for samples that are not from 0 to 1.
     """
     low, high = float(picture.min()), float(picture.max())
     if not (low >= -MARGIN and high <= 1 + MARGIN):  # false for NaN, too
         found = "samples that are NaN" if np.isnan(low) else f"samples from {low:.7g} to {high:.7g}"
         cleaned = "np.nan_to_num(array)" if np.isnan(low) else "array"
-        advice = f"as {cleaned}.clip(0, 1) has, or uint8 or uint16"
+        advice = f"such as {cleaned}.clip(0, 1), or uint8 or uint16"
         whole = picture if whole is None else whole
         if LEVELS < whole.max() < np.inf:
             advice = f"or uint8 or uint16, as in {advise_levels(whole)}"
@@ -73,9 +73,10 @@ def round_samples(
 
 
 def advise_levels(views: Any, name: str = "views") -> str:
-    """How to make 8 or 16 bits of `views`, by their range, shares of white or levels, as code on a variable `name`.
+    """Returns code on a variable `name` that makes 8 or 16 bits of `views`, judged by their range: shares of white or
+    levels.
 
-    Resampled numbers lie a little outside of their range, so floating-point ones belong to a range up to twice its end.
+    Resampled numbers lie a little outside their range, so floating-point ones belong to a range up to twice its end.
     """
     if not isinstance(views, np.ndarray) or views.dtype.kind not in "iuf" or not views.size:
         return f"(255 * {name}).round().astype('u1')"

@@ -30,20 +30,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LightField:
-    """All views of a lens array, `L[v, u, y, x, c]`; v counts views from the top and u from the left, y and x pixels.
+    """All views of a lens array, `L[v, u, y, x, c]`; v and u count views from the top and the left, y and x pixels.
 
-    - `views`: `(V, U, H, W, C)`, uint8 or uint16; C: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha. In another byte
-      order than the machine's they are copied to its own.
-    - `notes`: what was found while it was read or rendered, one line each.
+    - `views`: `(V, U, H, W, C)`, uint8 or uint16; C: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha. Arrays in
+      another byte order than the machine's are copied to its own.
+    - `notes`: what was found while the light field was read or rendered, one line each.
     - `is_ordered`: whether the order of the views is known to be right, or was checked (`ciir.renderer.view_order`).
-    - `depth_sense`: `lenses`, where what is farther moves further to the left from one view to the next on the right,
-      or `cameras`, where what is nearer does.
-    - `lens_pitch`: of a raw lenslet picture, its pixels from lens to lens.
+    - `depth_sense`: `lenses` if farther content moves further to the left from one view to the next on the right,
+      `cameras` if nearer content does.
+    - `lens_pitch`: pixels from lens to lens in a raw lenslet picture.
     - `pixel_aspect`: width / height that a pixel of a view is shown with; only quilts have others than 1. Slices with
       unequal steps along y and x change it.
 
-    `lf[v, u, y, x]` with slices is a part of it, `numpy.asarray(lf)` its views. Raises `InvalidOption` where `views`
-    is no such array, for an unknown depth sense, and for a pixel aspect that is not finite and over 0.
+    `lf[v, u, y, x]` with slices is a part of it, `numpy.asarray(lf)` its views. Raises `InvalidOption` if `views` is no
+    such array, for an unknown depth sense, and for a pixel aspect that is not finite and over 0.
     """
 
     views: NDArray[np.uint8] | NDArray[np.uint16]
@@ -59,21 +59,21 @@ class LightField:
             views = views.astype(views.dtype.newbyteorder("="))
             object.__setattr__(self, "views", views)
         if not isinstance(views, np.ndarray):
-            raise InvalidOption(f"views: {type(views).__name__} is not taken; give a numpy array of uint8 or uint16")
+            raise InvalidOption(f"views: {type(views).__name__} is not accepted; give a numpy array of uint8 or uint16")
         if views.dtype not in (np.uint8, np.uint16):
             raise InvalidOption(
-                f"views: {views.dtype.name} is not taken; give uint8 or uint16, as in {advise_levels(views)}"
+                f"views: {views.dtype.name} is not accepted; give uint8 or uint16, as in {advise_levels(views)}"
             )
         if views.ndim != 5 or 0 in views.shape or views.shape[4] > 4:
             raise InvalidOption(
-                f"views: an array of shape {views.shape} is not taken; give (V, U, H, W, C) with 1 to 4 channels"
+                f"views: an array of shape {views.shape} is not accepted; give (V, U, H, W, C) with 1 to 4 channels"
                 + advise_axes(views.shape, "views")
             )
         check_depth_sense(self.depth_sense)
         aspect: Any = self.pixel_aspect
         if not isinstance(aspect, Real) or isinstance(aspect, bool) or not 0 < float(aspect) < math.inf:
             raise InvalidOption(
-                f"pixel_aspect: {str(aspect)[:40]!r} is no width / height of a pixel; give one, as in 0.75"
+                f"pixel_aspect: {str(aspect)[:40]!r} is not a width / height of a pixel; give one, such as 0.75"
             )
         object.__setattr__(self, "pixel_aspect", float(aspect))
 
@@ -83,7 +83,7 @@ class LightField:
         return f"LightField({v}x{u} views of {rows}x{cols} pixels, {channels} channels, {self.views.dtype}{counted})"
 
     def __getitem__(self, slices: slice | tuple[slice, ...]) -> LightField:
-        """The part `lf[v, u, y, x]`, as in `lf[2:7, 2:7]` or `lf[:, :, 100:200, 100:200]`; shares memory.
+        """Returns the part `lf[v, u, y, x]`, as in `lf[2:7, 2:7]` or `lf[:, :, 100:200, 100:200]`; shares memory.
 
         Raises `InvalidOption` for anything but one to four slices that go forwards and leave something.
         """
@@ -97,7 +97,7 @@ class LightField:
         return replace(self, views=self.views[slices], pixel_aspect=self.pixel_aspect * (step_x / step_y))
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        """`views`."""
+        """Returns `views` as an array."""
         return np.array(self.views, dtype, copy=copy)
 
     @property
@@ -107,13 +107,13 @@ class LightField:
 
     @property
     def dtype(self) -> np.dtype[np.uint8] | np.dtype[np.uint16]:
-        """Of the pixels."""
+        """Data type of the pixels."""
         return self.views.dtype
 
     def view(self, v: int, u: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
-        """View (v, u), `(rows, cols, channels)`, v from the top and u from the left; shares memory.
+        """Returns view (v, u), `(rows, cols, channels)`, v from the top and u from the left; shares memory.
 
-        Raises `InvalidOption` where there is no such view.
+        Raises `InvalidOption` if there is no such view.
         """
         count_v, count_u = self.views.shape[:2]
         found_v, found_u = read_index(v, count_v), read_index(u, count_u)
@@ -125,13 +125,13 @@ class LightField:
         return view
 
     def flip(self, axes: Flip) -> LightField:
-        """The light field with its views in reverse order in `u`, in `v` or in both (`uv`); shares memory.
+        """Returns the light field with its views in reverse order in `u`, in `v` or in both (`uv`); shares memory.
 
-        Reversing both exchanges the depth senses `lenses` and `cameras`. Reversing one alone is for a light field that
-        was in a wrong order: afterwards content moves along that axis as it does along the other one. Done to one in
-        the right order, near content moves to the left across and upwards or, down, the opposite way, as no scene does.
-        The depth sense is that of u, so it changes with `u` and not with `v`. After reversing one alone the order
-        counts as unknown. `none` changes nothing. Raises `InvalidOption` for other axes.
+        Reversing both exchanges the depth senses `lenses` and `cameras`. Reversing only one is for a light field whose
+        order is wrong: afterwards content moves along that axis as it does along the other one. If the order was right,
+        near content then moves one way across and the opposite way down, as in no real scene. The depth sense is that
+        of u, so it changes with `u` and not with `v`. After reversing only one the order counts as unknown. `none`
+        changes nothing. Raises `InvalidOption` for other axes.
         """
         views, depth_sense = flip_axes(self.views, axes, self.depth_sense)
         return replace(
@@ -139,19 +139,19 @@ class LightField:
         )
 
     def transpose(self) -> LightField:
-        """The light field with rows and columns of views exchanged, for one whose first index is the column; shares
-        memory. The pictures stay as they are, and the order counts as unknown.
+        """Returns the light field with rows and columns of views exchanged, for one whose first index is the column;
+        shares memory. The pictures stay as they are, and the order counts as unknown.
         """
         return replace(self, views=self.views.swapaxes(0, 1), is_ordered=False)
 
     def save(self, path: str | PathLike[str], /, format: str | None = None, **options: Any) -> tuple[str, ...]:  # noqa: A002
-        """Writes the light field in a format of `docs/formats.md`, which the name gives where `format` doesn't.
+        """Writes the light field in a format of `docs/formats.md`, which the name decides if `format` is not given.
 
-        A picture (`.png`, `.tif`, `.jpg`) is the elemental image array, but for a display where the options or a
+        A picture (`.png`, `.tif`, `.jpg`) is the elemental image array, except for a display if the options or a
         quilt's name (`NAME_qs8x6a0.75.png`) ask for that; a name without a suffix is a folder of views. `options` are
         those of `ciir.renderer.writers.options.WriterOptions`.
 
-        Returns notes: what the format doesn't hold, or holds in another way. Raises `InvalidOption` where `path` can't
+        Returns notes on what the format doesn't hold, or holds in another way. Raises `InvalidOption` if `path` can't
         be written or the format can't hold the light field.
         """
         from ciir.renderer.writers.atomic_write import read_path
@@ -161,7 +161,7 @@ class LightField:
         return save_light_field(self, read_path(path), format, WriterOptions.convert(options))
 
     def _repr_png_(self) -> bytes:
-        """The centre view, for Jupyter; levels of a camera of fewer bits than 16 fill the range."""
+        """Returns the centre view as PNG, for Jupyter; levels of a camera with fewer than 16 bits fill the range."""
         from ciir.renderer.writers.pictures import encode_png
 
         view = self.view(*center_view(*self.views.shape[:2]))
@@ -170,12 +170,13 @@ class LightField:
     def epi(
         self, *, y: int | None = None, x: int | None = None, v: int | None = None, u: int | None = None
     ) -> NDArray[np.uint8] | NDArray[np.uint16]:
-        """An epipolar plane image (Bolles, Baker & Marimont 1987); shares memory.
+        """Returns an epipolar plane image (Bolles, Baker & Marimont 1987); shares memory.
 
-        Row `y` of the views of row `v`, one below the other from u = 0: `(U, W, C)`; or column `x` of the views of
-        column `u`, side by side from v = 0: `(H, V, C)`. By default those of the centre view, and its middle row.
+        It is row `y` of the views of row `v`, one below the other from u = 0: `(U, W, C)`; or column `x` of the views
+        of column `u`, side by side from v = 0: `(H, V, C)`. The defaults are the centre view's row or column, and the
+        middle of a view.
 
-        Raises `InvalidOption` for both a row and a column, and for one that is not there.
+        Raises `InvalidOption` if both a row and a column are given, and for one that does not exist.
         """
         count_v, count_u, rows, cols, _ = self.views.shape
         if (y is not None or v is not None) and (x is not None or u is not None):
@@ -200,20 +201,21 @@ class LightField:
         shape: Shape = "disc",
         occluders: Occluders = "keep",
     ) -> NDArray[np.uint8] | NDArray[np.uint16]:
-        """The depth plane of `disparity`, `(H, W, C)`: what has it is sharp, as the middle of the grid sees it.
+        """Returns the depth plane of `disparity`, `(H, W, C)`: content with it is sharp, as the middle of the grid sees
+        it.
 
         `disparity`: by how many pixels a point moves to the left from one view to the next on the right;
-        `ciir.DepthScale` has that of a depth. The rest as for `planes`.
+        `ciir.DepthScale` converts it from a depth. The rest as for `planes`.
         """
         if isinstance(disparity, np.ndarray) and disparity.ndim == 0:
             disparity = disparity.item()
         if isinstance(disparity, np.ndarray | list | tuple):
             raise InvalidOption(
-                f"disparity: {type(disparity).__name__} is not one number; give one, as in 0.5, or several to "
+                f"disparity: {type(disparity).__name__} is not one number; give one, such as 0.5, or several to "
                 "light_field.planes"
             )
         if not isinstance(disparity, Real) or isinstance(disparity, bool):
-            raise InvalidOption(f"disparity: {str(disparity)[:40]!r} is no number; give pixels a view, as in 0.5")
+            raise InvalidOption(f"disparity: {str(disparity)[:40]!r} is not a number; give pixels per view, as in 0.5")
         disparities = [float(disparity)]
         (plane,) = self.planes(disparities, method=method, aperture=aperture, shape=shape, occluders=occluders)
         return plane
@@ -227,15 +229,17 @@ class LightField:
         shape: Shape = "disc",
         occluders: Occluders = "keep",
     ) -> Iterator[NDArray[np.uint8] | NDArray[np.uint16]]:
-        """The depth plane of each of `disparities`, `(H, W, C)`, one after the other.
+        """Yields the depth plane of each of `disparities`, `(H, W, C)`, one after the other.
 
-        `method`: `mapping`, `window` or `delta`, of `ciir.renderer.focus.planes`, which has the planes as floats too.
-        `aperture`: radius in views around the middle of those that count, by default all, or a weight for each view,
-        `(V, U)`; `shape`: `disc`, `square` or `gauss`, of `ciir.renderer.focus.apertures`. `occluders`: with `remove`
-        what stands before a plane is removed (`ciir.renderer.focus.occluders`), by the method `mapping`.
+        `method`: `mapping`, `window` or `delta`, of `ciir.renderer.focus.planes`, which also makes planes of floats.
+        `aperture`: the radius, in views around the middle, of the views that count, by default all, or a weight for
+        each view, `(V, U)`. `shape`: `disc`, `square` or `gauss`, of `ciir.renderer.focus.apertures`. `occluders`: with
+        `remove`, what stands in front of a plane is removed (`ciir.renderer.focus.occluders`), with the method
+        `mapping`.
 
-        Raises `InvalidOption` for disparities that are not finite or over the longer side of a view, for an unknown
-        method, shape or way with occluders, for one that doesn't go with the method, and for an aperture without views.
+        Raises `InvalidOption` for disparities that are not finite or over the longer side of a view; for an unknown
+        method, shape or value of `occluders`; for `occluders` that don't go with the method; and for an aperture
+        without views.
         """
         from ciir.renderer.focus.apertures import read_aperture
         from ciir.renderer.focus.occluders import make_planes
@@ -253,10 +257,12 @@ class LightField:
         aperture: float | NDArray[Any] | None = None,
         shape: Shape = "disc",
     ) -> NDArray[np.uint8] | NDArray[np.uint16]:
-        """A view in which everything is sharp, with less noise, `(H, W, C)`: the views at each pixel's disparity.
+        """Returns a view with everything sharp and less noise, `(H, W, C)`: made from the views at each pixel's
+        disparity.
 
         `found`: the disparity of the view, by default that of the centre view, which is estimated. `aperture` and
-        `shape` as for `planes`. Raises `InvalidOption` as `disparity` and `planes`, and for a map of other views.
+        `shape` as for `planes`. Raises `InvalidOption` as `disparity` and `planes` do, and for a disparity map of other
+        views.
         """
         from ciir.renderer.focus.all_in_focus import focus_everywhere
         from ciir.renderer.focus.apertures import read_aperture
@@ -265,21 +271,22 @@ class LightField:
         weights = read_aperture(aperture, self.views.shape[:2], shape)
         found = self.disparity() if found is None else found
         if not isinstance(found, DisparityMap):
-            raise InvalidOption(f"found: {type(found).__name__} is not taken; give what disparity() returns")
+            raise InvalidOption(f"found: {type(found).__name__} is not accepted; give what disparity() returns")
         if found.depth_sense != self.depth_sense:
             raise InvalidOption(
-                f"found: of views with the depth sense {found.depth_sense}, not {self.depth_sense}; give the disparity "
-                "of this light field"
+                f"found: a map of views with the depth sense {found.depth_sense}, not {self.depth_sense}; give the "
+                "disparity of this light field"
             )
         self.view(*found.view)
         return round_levels(focus_everywhere(self.views, found, weights), self.views.dtype)
 
     def disparity(self, view: View | None = None, *, limits: tuple[float, float] | None = None) -> DisparityMap:
-        """The disparity of each pixel of `view`, by default the centre one, with its confidence.
+        """Estimates the disparity of each pixel of `view`, by default the centre one, with its confidence.
 
-        `limits`: the least and the largest disparity in pixels a view, by default those in the centre and the corners.
+        `limits`: the smallest and the largest disparity in pixels per view, by default those in the centre and the
+        corners.
 
-        Raises `InvalidOption` as `ciir.renderer.focus.disparity.estimate_disparity`.
+        Raises `InvalidOption` as `ciir.renderer.focus.disparity.estimate_disparity` does.
         """
         from ciir.renderer.focus.disparity import estimate_disparity
 
@@ -288,25 +295,28 @@ class LightField:
     def disparities(
         self, views: Sequence[View] | None = None, *, limits: tuple[float, float] | None = None
     ) -> Iterator[DisparityMap]:
-        """`disparity` of each of `views`, by default of all."""
+        """Yields `disparity` of each of `views`, by default of all."""
         from ciir.renderer.focus.disparity import estimate_disparities
 
         return estimate_disparities(self, views, limits=limits)
 
     def model(self, *, pitch: float | None = None, delta: float | None = None, keeps_background: bool = False) -> Model:
-        """What the views show as coloured triangles, in the coordinates of the lens array; `save` writes GLB and PLY.
+        """Returns the content of the views as coloured triangles, in lens array coordinates; `save` writes GLB and
+        PLY.
 
-        `pitch`, `delta`: of the lens array, where they are known. Black or transparent pixels that are joined to the
-        border of a view are left out, unless `keeps_background`. `ciir.renderer.focus.model` has method and units.
+        `pitch`, `delta`: those of the lens array, if known. Black or transparent pixels that are joined to the border
+        of a view are left out, unless `keeps_background`. `ciir.renderer.focus.model` describes the method and the
+        units.
 
-        Raises `InvalidOption` as `ciir.renderer.focus.model.make_model`.
+        Raises `InvalidOption` as `ciir.renderer.focus.model.make_model` does.
         """
         from ciir.renderer.focus.model import make_model
 
         return make_model(self, pitch=pitch, delta=delta, keeps_background=keeps_background)
 
     def with_depth_sense(self, sense: DepthSense) -> LightField:
-        """The same light field with that depth sense: where it is the other one, views are reversed in v and in u.
+        """Returns the same light field with that depth sense, with views reversed in v and in u if it has the other
+        one.
 
         Raises `InvalidOption` for an unknown one.
         """
@@ -316,7 +326,7 @@ class LightField:
         return replace(self, views=self.views[::-1, ::-1], depth_sense=sense)
 
     def is_transparent(self) -> bool:
-        """Whether there is alpha, and it is not full everywhere. Looks at every pixel."""
+        """Returns whether there is alpha that is not full everywhere. Looks at every pixel."""
         has_alpha = self.views.shape[4] in (2, 4)
         return has_alpha and not (self.views[..., -1] == np.iinfo(self.views.dtype).max).all()
 
@@ -324,19 +334,20 @@ class LightField:
     def from_eia(
         cls, eia: NDArray[np.uint8] | NDArray[np.uint16], *, rows: int, cols: int, pickup: Pickup = "virtual"
     ) -> LightField:
-        """Pixel mapping (Wu et al. 2024, equation 4): view (v, u) is `eia[v::pixels_v, u::pixels_u]`.
+        """Returns the light field by pixel mapping (Wu et al. 2024, equation 4): view (v, u) is
+        `eia[v::pixels_v, u::pixels_u]`.
 
         `eia`: `(rows*pixels_v, cols*pixels_u, channels)`, or without channels for grey. The views share its memory:
         nothing is copied.
 
-        Raises `InvalidOption` where the lens grid doesn't divide the picture.
+        Raises `InvalidOption` if the lens grid doesn't divide the picture.
         """
         if not isinstance(eia, np.ndarray) or eia.ndim not in (2, 3) or not eia.size:
             given = f"an array of shape {eia.shape}" if isinstance(eia, np.ndarray) else type(eia).__name__
-            raise InvalidOption(f"eia: {given} is not taken; give an array (rows, columns, channels)")
+            raise InvalidOption(f"eia: {given} is not accepted; give an array (rows, columns, channels)")
         if not all(isinstance(count, Integral) and not isinstance(count, bool) for count in (rows, cols)):
             raise InvalidOption(
-                f"lenses: {rows!r} and {cols!r} are no whole numbers; give the counts of rows and columns"
+                f"lenses: {rows!r} and {cols!r} are not whole numbers; give the counts of rows and columns"
             )
         height, width = eia.shape[:2]
         if rows < 1 or cols < 1 or height % rows or width % cols:
@@ -350,7 +361,7 @@ class LightField:
         return cls(blocks.transpose(1, 3, 0, 2, 4))
 
     def eia(self, *, pickup: Pickup = "virtual") -> NDArray[np.uint8] | NDArray[np.uint16]:
-        """The inverse of `from_eia`, bit for bit: `(rows*pixels_v, cols*pixels_u, channels)`; may share memory.
+        """Returns the inverse of `from_eia`, bit for bit: `(rows*pixels_v, cols*pixels_u, channels)`; may share memory.
 
         The order of views stays: an array for lenses needs `with_depth_sense("lenses")`, which `save` takes care of.
         """
@@ -362,7 +373,7 @@ class LightField:
 
 
 def _goes_forwards(part: Any) -> bool:
-    """Whether `part` is a slice of whole numbers that doesn't reverse."""
+    """Returns whether `part` is a slice of whole numbers that doesn't reverse."""
     if not isinstance(part, slice):
         return False
     numbers = [number for number in (part.start, part.stop, part.step) if number is not None]

@@ -12,11 +12,12 @@ class Limits:
     files: int = 4096
     """Files in a folder or a zip."""
     bytes: int = 512 * 2**20
-    """Bytes of one file, or of all files of a zip that was uploaded, unpacked."""
+    """Bytes of one file, or of all files of an uploaded zip, unpacked."""
     ratio: int = 250
     """Unpacked over packed bytes of a zip, checked from 1 MiB unpacked."""
     pixels: int = 2**26
-    """Pixels in a picture, 8192x8192, and in all textures of a mesh: each is scaled down to half of what is left."""
+    """Pixels in a picture, 8192x8192, and in all textures of a mesh: each texture is scaled down to half of what is
+    left."""
     set_bytes: int = 1_000_000_000
     """Bytes of all views of a set, decoded: 17 x 17 of 1024 x 1024 x 3 (Knights in full) are 909 million."""
     triangles: int = 4_000_000

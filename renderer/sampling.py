@@ -1,8 +1,8 @@
-"""Point samples and their means over a lens, the same for both backends, by view and by lens.
+"""Takes point samples and their means over a lens, the same for both backends, by view and by lens.
 
-A pinhole's pixel of view (v, u) is the colour that one ray meets, from the lens's centre in the direction of pixel
-(v, u)'s centre. A lenslet's is the mean, in 8-bit display values, of `samples x samples` such rays, which start on a
-regular grid over the lens cell.
+For a pinhole, a pixel of view (v, u) is the colour that one ray hits, from the lens's centre in the direction of pixel
+(v, u)'s centre. For a lenslet, it is the mean, in 8-bit display values, of `samples x samples` such rays, which start
+on a regular grid over the lens cell.
 """
 
 from __future__ import annotations
@@ -20,17 +20,19 @@ MAX_SAMPLES = 16
 LENSLET_SAMPLES = 4
 """Samples along each side of a lens cell for a lenslet, and for a pixel of a clean picture."""
 DISPLAY_SAMPLES = 2
-"""The same of a pixel of a quilt, and of a subpixel of a panel: one ray each shows a panel below 35 dB."""
+"""The same for a pixel of a quilt, and for a subpixel of a panel: with one ray each, a panel stays below 35 dB."""
 
 
 def check_samples(samples: int) -> None:
-    """Raises `InvalidOption` where `samples` is out of range."""
+    """Raises `InvalidOption` if `samples` is out of range."""
     if not 1 <= samples <= MAX_SAMPLES:
         raise InvalidOption(f"samples: {samples} is out of range; give 1 to {MAX_SAMPLES} along each side of a lens")
 
 
 def average_cells(picture: NDArray[np.uint8], samples: int) -> NDArray[np.uint8]:
-    """The rounded mean over each lens cell, `(rows, cols, c)`, of point samples `(samples*rows, samples*cols, c)`."""
+    """Returns the rounded mean over each lens cell, `(rows, cols, c)`, of point samples
+    `(samples*rows, samples*cols, c)`.
+    """
     if samples == 1:
         return picture
     height, width, channels = picture.shape
@@ -39,7 +41,7 @@ def average_cells(picture: NDArray[np.uint8], samples: int) -> NDArray[np.uint8]
 
 
 def average_pictures(pictures: NDArray[np.uint8], *, axes: tuple[int, ...]) -> NDArray[np.uint8]:
-    """The mean over `axes`, rounded to the nearest integer, halves up."""
+    """Returns the mean over `axes`, rounded to the nearest integer, halves up."""
     count = int(np.prod([pictures.shape[axis] for axis in axes]))
     total = pictures.sum(axis=axes, dtype=np.uint32)
     mean: NDArray[np.uint8] = ((total + count // 2) // count).astype(np.uint8)

@@ -12,7 +12,8 @@ if TYPE_CHECKING:
 
 Wrap = Literal["repeat", "mirror", "clamp"]
 SOLID = 0.5
-"""Alpha from which on a see-through point is solid to what can't blend: OpenGL and the depth channel."""
+"""Alpha from which on a see-through point counts as solid where it can't be blended: in OpenGL and the depth
+channel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +25,8 @@ class Texture:
     wrap_u: Wrap = "repeat"
     wrap_v: Wrap = "repeat"
     is_nearest: bool = False
-    """Whether a point has the colour of the nearest texel, as pixel art; else those around it are interpolated."""
+    """Whether a point has the colour of the nearest texel, as in pixel art; otherwise the texels around it are
+    interpolated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,16 +45,17 @@ class Part:
     alpha_cutoff: float | None = None
     """Points with alpha below this are cut out; None for a part without cut-outs."""
     is_see_through: bool = False
-    """Whether alpha is the share of what lies behind a point that it hides; blended in display-referred values."""
+    """Whether alpha is the share of what lies behind a point that it hides; it is blended in display-referred
+    values."""
     back_colors: NDArray[np.float32] | None = None
-    """`(n, 3)` RGB of the back, from which corners run clockwise; None where both sides look alike."""
+    """`(n, 3)` RGB of the back, from which corners run clockwise; None if both sides look the same."""
     hides_back: bool = False
-    """Whether the back is not there: what lies behind it is seen."""
+    """Whether the back is missing, so that what lies behind it is seen."""
     is_linear: bool = False
     """Whether RGB is linear, so that it is interpolated as light; it is encoded before the texture is multiplied."""
 
     def used_vertices(self) -> NDArray[np.float64]:
-        """`(k, 3)`: the vertices that a triangle uses."""
+        """Returns the vertices that a triangle uses, `(k, 3)`."""
         is_used = np.zeros(len(self.vertices), bool)  # several times faster than np.unique
         is_used[self.faces] = True
         return np.compress(is_used, self.vertices, axis=0)  # faster than indexing
@@ -60,17 +63,17 @@ class Part:
 
 @dataclass(frozen=True)
 class Window:
-    """What a camera of the file sees, in the scene's coordinates: the camera at the origin, looking along -z."""
+    """What a camera in the file sees, in the scene's coordinates: the camera is at the origin and looks along -z."""
 
     nearest: float
-    """Distance along -z, as of the others."""
+    """Distance along -z, like the others."""
     distance: float
-    """Of the subject: half of the picture shows what is nearer."""
+    """Distance of the subject: half of the picture shows what is nearer."""
     farthest: float
     half_height: float
-    """Of the picture at the subject's distance."""
+    """Half the height of the picture at the subject's distance."""
     half_width: float | None
-    """None where the camera leaves it to the view's shape."""
+    """None if the camera leaves it to the view's shape."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +86,10 @@ class Scene:
     extent: NDArray[np.float64] | None = None
     """The bounds before culling; None for a scene that was not culled."""
     framed: Scene | None = None
-    """What is framed in its place: of an animation or a turn, the extremes of all frames; None for itself."""
+    """What is framed in its place: for an animation or a turn, the extremes of all frames; None for the scene
+    itself."""
     window: Window | None = None
-    """What is framed of it; None for all."""
+    """The part of it that is framed; None for all."""
 
     @property
     def triangles(self) -> int:
@@ -106,7 +110,7 @@ class Scene:
 
     @property
     def is_see_through(self) -> bool:
-        """Whether some part is."""
+        """Whether some part is see-through."""
         return any(part.is_see_through for part in self.parts)
 
     @property
@@ -115,7 +119,9 @@ class Scene:
         return any(part.hides_back for part in self.parts)
 
     def bounds(self) -> NDArray[np.float64]:
-        """`(2, 3)`: lowest and highest coordinates of all vertices that a triangle uses, or used before culling."""
+        """Returns the lowest and highest coordinates, `(2, 3)`, of all vertices that a triangle uses, or used before
+        culling.
+        """
         if self.extent is not None:
             return self.extent
         used = [part.used_vertices() for part in self.parts]
@@ -123,7 +129,9 @@ class Scene:
         return np.array([np.min(low, axis=0), np.max(high, axis=0)])
 
     def transform(self, matrix: NDArray[np.float64]) -> Scene:
-        """The scene with every vertex transformed by the 4x4 affine `matrix`, without `extent`; baked light stays."""
+        """Returns the scene with all vertices transformed by the 4x4 affine `matrix`, without `extent`; baked light
+        stays.
+        """
         linear, offset = matrix[:3, :3], matrix[:3, 3]
         parts = tuple(replace(part, vertices=part.vertices @ linear.T + offset) for part in self.parts)
         return Scene(parts, self.notes)

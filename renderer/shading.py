@@ -17,34 +17,34 @@ LIGHT = np.array([-0.4, 0.6, 0.7]) / np.sqrt(0.4**2 + 0.6**2 + 0.7**2)
 """Unit direction towards the light in the world: upper left front."""
 AMBIENT, DIFFUSE = 0.6, 0.4
 CREASE = 40.0
-"""A face at a larger angle, degrees, to the smooth normal at its corner keeps its own normal there."""
+"""A face at a larger angle, in degrees, to the smooth normal at its corner keeps its own normal there."""
 FLAT = 0.1
-"""The crease with which every face keeps its own normal, but for rounding."""
+"""The crease with which every face keeps its own normal, except for rounding."""
 
 
 def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Linear values in [0, 1] to display-referred sRGB in [0, 1] (IEC 61966-2-1), any shape; clipped to [0, 1]."""
+    """Converts linear values to display-referred sRGB (IEC 61966-2-1), both in [0, 1], any shape; clips to [0, 1]."""
     x = np.clip(np.asarray(linear, np.float64), 0.0, 1.0)
     return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055).astype(np.float32)
 
 
 def decode_srgb(encoded: NDArray[np.floating]) -> NDArray[np.float32]:
-    """The inverse of `encode_srgb`: display-referred values in [0, 1] to linear ones, any shape."""
+    """Converts display-referred values in [0, 1] to linear ones, any shape: the inverse of `encode_srgb`."""
     x = np.asarray(encoded, np.float64)
     return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
 def shade(normals: NDArray[np.floating], light: NDArray[np.float64] = LIGHT) -> NDArray[np.float32]:
-    """Light on unit normals `(n, 3)`, from all directions alike: `0.6 + 0.4 (n . light)` in [0, 1], `(n,)`.
+    """Returns the light on unit normals `(n, 3)`: `0.6 + 0.4 (n . light)` in [0, 1], `(n,)`.
 
-    `light`: the unit direction towards it, `(3,)`.
+    The ambient share comes from all directions equally. `light`: the unit direction towards the light, `(3,)`.
     """
     shaded: NDArray[np.float32] = np.clip(AMBIENT + DIFFUSE * (normals @ light), 0.0, 1.0).astype(np.float32)
     return shaded
 
 
 def normalize(vectors: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Vectors `(..., 3)` scaled to length 1; a zero vector stays zero."""
+    """Returns vectors `(..., 3)` scaled to length 1; a zero vector stays zero."""
     vectors = np.asarray(vectors, np.float64)
     length = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., None]
     directions: NDArray[np.float64] = np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
@@ -70,8 +70,8 @@ def compute_normals(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Computes smooth normals, with creases, for a mesh that has none.
 
-    A corner takes the angle-weighted mean of the normals of all faces at its position (Thuermer and Wuethrich 1998).
-    Where its own face's normal is more than `crease` degrees from that it takes the face's, and the vertex is split.
+    A corner takes the angle-weighted mean of the normals of all faces at its position (Thuermer and Wuethrich 1998). If
+    its own face's normal is more than `crease` degrees from that, it takes the face's, and the vertex is split.
 
     Returns `(source, faces, normals)`: the old vertex of each new one, `(k,)`; faces `(m, 3)` on the new vertices; and
     unit normals `(k, 3)`. The first n of the k new vertices are the old ones. No face may have zero area.

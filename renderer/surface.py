@@ -1,4 +1,4 @@
-"""Surfaces as files give them, and the scene that is assembled of them: checked, with normals and light."""
+"""Surfaces as files contain them, and the scene that is assembled from them: checked, with normals and light."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Surface:
     normals: NDArray[np.float64] | None = None
     """`(n, 3)`, of any length; None to compute them."""
     crease: float = CREASE
-    """Of normals that are computed, degrees: as of `compute_normals`."""
+    """Crease of computed normals, in degrees: as in `compute_normals`."""
     color: Color = WHITE
     colors: NDArray[np.float32] | None = None
     """Vertex colours `(n, 4)`, display-referred, [0, 1]; None for white."""
@@ -58,9 +58,9 @@ class Surface:
     """What is seen from behind, where corners run clockwise: the same as from the front, the same lit with reversed
     normals, or nothing."""
     is_interpolated_linearly: bool = False
-    """Whether colours between vertices are means of linear ones; else of display-referred ones."""
+    """Whether colours between vertices are means of linear colours; otherwise of display-referred ones."""
     copies: NDArray[np.float64] | None = None
-    """`(k, 4, 4)`: the matrix of each copy in the scene; None for one surface where its vertices are."""
+    """`(k, 4, 4)`: the matrix of each copy in the scene; None for one surface at its own vertices."""
 
 
 def assemble_scene(
@@ -71,13 +71,13 @@ def assemble_scene(
     max_triangles: int = DEFAULT_LIMITS.triangles,
     light: NDArray[np.float64] = LIGHT,
 ) -> Scene:
-    """Makes a scene of the surfaces of the file called `name`: checks them, computes normals and bakes the light.
+    """Makes a scene from the surfaces of the file called `name`: checks them, computes normals and bakes the light.
 
-    `light`: the unit direction towards it, `(3,)`, in the surfaces' coordinates.
+    `light`: the unit direction towards the light, `(3,)`, in the surfaces' coordinates.
 
-    Raises `InvalidGeometry` without a triangle, or with a vertex that is not finite or beyond `MAX_COORDINATE`;
-    `NothingVisible` without one of positive area; `TooLarge` over `max_triangles`; `Unreadable` where a face refers to
-    a vertex that doesn't exist.
+    Raises `InvalidGeometry` if there is no triangle, or a vertex that is not finite or beyond `MAX_COORDINATE`;
+    `NothingVisible` if no triangle has a positive area; `TooLarge` over `max_triangles`; `Unreadable` if a face refers
+    to a vertex that doesn't exist.
     """
     total = sum(len(surface.faces) for surface in surfaces)
     check_size(name, total, sum(len(surface.vertices) for surface in surfaces), max_triangles)
@@ -114,7 +114,7 @@ def check_size(name: str, triangles: int, vertices: int, max_triangles: int) -> 
 
 
 def _check_copies(surfaces: Sequence[Surface], name: str, max_triangles: int) -> None:
-    """Raises `TooLarge` over `MAX_COPIED` times `max_triangles` in all copies, or over as many vertices as without."""
+    """Raises `TooLarge` over `MAX_COPIED` times `max_triangles` in all copies, or over the usual limit of vertices."""
     counts = [1 if surface.copies is None else len(surface.copies) for surface in surfaces]
     triangles = sum(len(surface.faces) * count for surface, count in zip(surfaces, counts, strict=True))
     vertices = sum(len(surface.vertices) * count for surface, count in zip(surfaces, counts, strict=True))
@@ -127,7 +127,7 @@ def _check_copies(surfaces: Sequence[Surface], name: str, max_triangles: int) ->
 
 
 def _place_copies(surface: Surface, name: str) -> Iterator[Surface]:
-    """The surface, or its copies, checked as those without copies are before."""
+    """Yields the surface, or its copies, checked in the same way as surfaces without copies were before."""
     if surface.copies is None:
         yield surface
         return
@@ -138,7 +138,7 @@ def _place_copies(surface: Surface, name: str) -> Iterator[Surface]:
 
 
 def _check_coordinates(values: NDArray[np.float64], name: str) -> None:
-    """Raises `InvalidGeometry` unless they are finite and within `MAX_COORDINATE`."""
+    """Raises `InvalidGeometry` unless the values are finite and within `MAX_COORDINATE`."""
     if not np.isfinite(values).all():
         raise InvalidGeometry(f"{name}: a vertex is NaN or infinite; clean the mesh and export it again")
     largest = float(np.abs(values).max(initial=0))
@@ -149,7 +149,9 @@ def _check_coordinates(values: NDArray[np.float64], name: str) -> None:
 
 
 def _check_surface(surface: Surface, name: str, unusable: Counter[str]) -> Surface:
-    """The surface without triangles of zero area and vertices that no triangle uses. Raises as `assemble_scene`."""
+    """Returns the surface without triangles of zero area and vertices that no triangle uses. Raises the errors of
+    `assemble_scene`.
+    """
     faces, vertices = surface.faces, surface.vertices
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise Unreadable(
@@ -175,7 +177,9 @@ def _check_surface(surface: Surface, name: str, unusable: Counter[str]) -> Surfa
 
 
 def _zero_unusable(values: NDArray[Any] | None, what: str, unusable: Counter[str]) -> NDArray[Any] | None:
-    """Values of vertices, with 0 for NaN and for magnitudes over `MAX_TEXTURE_COORDINATE`, counted in `unusable`."""
+    """Returns the values of vertices with 0 for NaN and for magnitudes over `MAX_TEXTURE_COORDINATE`, counted in
+    `unusable`.
+    """
     if values is None:
         return None
     usable = np.abs(values) <= MAX_TEXTURE_COORDINATE  # False for NaN
@@ -186,7 +190,7 @@ def _zero_unusable(values: NDArray[Any] | None, what: str, unusable: Counter[str
 
 
 def _select_vertices(surface: Surface, index: NDArray[np.integer], faces: NDArray[np.int64]) -> Surface:
-    """The surface of `faces` on the vertices `index`."""
+    """Returns the surface of `faces` on the vertices `index`."""
     return replace(
         surface,
         vertices=surface.vertices[index],
@@ -198,8 +202,8 @@ def _select_vertices(surface: Surface, index: NDArray[np.integer], faces: NDArra
 
 
 def _add_normals(surfaces: list[Surface]) -> list[Surface]:
-    """All surfaces with unit normals. Those of surfaces without any are computed over all of a crease together, so that
-    there are no seams between materials, but of each that is copied by itself.
+    """Returns all surfaces with unit normals. Missing normals are computed over all surfaces of one crease together, so
+    that there are no seams between materials, but separately for each surface that is copied.
     """
     for i, surface in enumerate(surfaces):
         if surface.normals is not None:
@@ -235,7 +239,7 @@ def _compute_normals(surfaces: list[Surface], bare: list[int]) -> None:
 
 
 def _bake_light(surface: Surface, light: NDArray[np.float64]) -> Part:
-    """The surface with its material, vertex colours and light multiplied into one colour per vertex."""
+    """Returns the surface with its material, vertex colours and light multiplied into one colour per vertex."""
     colors = np.broadcast_to(np.asarray(surface.color, np.float32), (len(surface.vertices), 4)).copy()
     if surface.colors is not None:
         colors *= surface.colors
@@ -249,7 +253,7 @@ def _bake_light(surface: Surface, light: NDArray[np.float64]) -> Part:
         colors[:, :3] = decode_srgb(colors[:, :3])
         back_colors = None if back_colors is None else decode_srgb(back_colors)
     texture = None if surface.uv is None else surface.texture
-    # Many exporters call materials see-through that are opaque throughout.
+    # Many exporters mark materials as see-through that are opaque throughout.
     is_see_through = surface.is_see_through and bool(
         colors[:, 3].min() < 1.0 or (texture is not None and texture.pixels[..., 3].min() < 255)
     )
@@ -270,8 +274,8 @@ def _bake_light(surface: Surface, light: NDArray[np.float64]) -> Part:
 
 
 def _join_parts(parts: list[Part]) -> tuple[Part, ...]:
-    """One part for each texture, kind of alpha, of back and of colours; all else is in the vertices. Each costs a
-    backend time.
+    """Returns one part for each texture, kind of alpha, of back and of colours; everything else is in the vertices.
+    Fewer parts save the backends time.
     """
     groups: dict[tuple[Any, ...], list[Part]] = {}
     for part in parts:

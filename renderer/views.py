@@ -18,23 +18,22 @@ View = tuple[int, int]
 """(v, u): the row and the column of the view's pixel under each lens, from the top left."""
 
 Flip = Literal["none", "u", "v", "uv"]
-"""Which order of views is reversed: of the columns u, of the rows v, or of both."""
+"""The order of views that is reversed: that of the columns u, of the rows v, or of both."""
 
 Pickup = Literal["virtual", "optical"]
 """How an elemental image was taken: upright, as by a virtual camera, or rotated by 180 degrees, as by a lens."""
 
 DepthSense = Literal["lenses", "cameras"]
-"""How views move with depth from one view to the next on the right.
+"""How content moves with depth from one view to the next on the right.
 
-- `lenses`: u counts pixels under a lens, so that what is farther from the lens array moves further to the left;
-- `cameras`: u counts cameras from the left, so that what is nearer moves further to the left.
+- `lenses`: u counts pixels under a lens, so that content farther from the lens array moves further to the left;
+- `cameras`: u counts cameras from the left, so that nearer content moves further to the left.
 
-The one becomes the other where the order of views is reversed in v and in u.
-"""
+Reversing the order of views in v and in u turns one into the other."""
 
 
 def is_turned(pickup: Pickup) -> bool:
-    """Whether elemental images are turned by 180 degrees. Raises `InvalidOption` for an unknown `pickup`."""
+    """Returns whether elemental images are turned by 180 degrees. Raises `InvalidOption` for an unknown `pickup`."""
     if pickup not in ("virtual", "optical"):
         raise InvalidOption(f"pickup: {pickup!r} is not known; give virtual or optical")
     return pickup == "optical"
@@ -47,15 +46,15 @@ def check_depth_sense(sense: str) -> None:
 
 
 def center_view(pixels_v: int, pixels_u: int) -> View:
-    """The view nearest to the lenses' axis; the lower right one of the middle four where counts are even."""
+    """Returns the view nearest to the lenses' axis; the lower right one of the middle four if counts are even."""
     return pixels_v // 2, pixels_u // 2
 
 
 def parse_views(spec: str, pixels_v: int, pixels_u: int) -> list[View]:
-    """The views that `spec` selects from `pixels_v x pixels_u`.
+    """Returns the views that `spec` selects from `pixels_v x pixels_u`.
 
-    `center`; `cross` (upper, left, centre, right, lower: the paper's figure 4), each view once; `all`, row by row;
-    or pairs `v,u;v,u`. Raises `InvalidOption` for other text and for a view that doesn't exist.
+    `center`; `cross` (upper, left, centre, right, lower: the paper's figure 4), each view once; `all`, row by row; or
+    pairs `v,u;v,u`. Raises `InvalidOption` for other text and for a view that doesn't exist.
     """
     v, u = center_view(pixels_v, pixels_u)
     if spec == "center":
@@ -82,13 +81,13 @@ def parse_views(spec: str, pixels_v: int, pixels_u: int) -> list[View]:
 
 
 def read_index(value: Any, count: int) -> int | None:
-    """A whole number from 0 to below `count`, numpy's too; None for anything else."""
+    """Returns a whole number from 0 to below `count`, also one of numpy's types; None for anything else."""
     is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     return int(value) if is_whole and 0 <= value < count else None
 
 
 def flip_axes(grid: NDArray[Any], axes: Flip, depth_sense: DepthSense) -> tuple[NDArray[Any], DepthSense]:
-    """`grid`, whose first two axes are v and u, with `axes` reversed, and its depth sense (`LightField.flip`).
+    """Returns `grid`, whose first two axes are v and u, with `axes` reversed, and its depth sense (`LightField.flip`).
 
     Raises `InvalidOption` for unknown axes.
     """
@@ -101,27 +100,27 @@ def flip_axes(grid: NDArray[Any], axes: Flip, depth_sense: DepthSense) -> tuple[
 
 
 def advise_axes(shape: Sequence[int], name: str) -> str:
-    """The end of a message that asks for `(V, U, H, W, C)`: how to make it of an array `name` of `(V, U, C, H, W)` or
-    `(C, V, U, H, W)`, also with the views' axes last, or of grey views `(V, U, H, W)`; what to do with one that may be
-    an elemental image array.
+    """Returns the end of a message that asks for `(V, U, H, W, C)`: how to make it from an array `name` of
+    `(V, U, C, H, W)` or `(C, V, U, H, W)`, also with the views' axes last, or of grey views `(V, U, H, W)`, and what to
+    do with an array that may be an elemental image array.
     """
     if len(shape) == 5:
         return _advise_five_axes(shape, name)
     if len(shape) == 4 and shape[3] > 4:
-        return f"; of grey views (V, U, H, W), as in {name}[..., None]"
+        return f"; for grey views (V, U, H, W), as in {name}[..., None]"
     if len(shape) == 2 or (len(shape) == 3 and shape[2] <= 4):
-        return "; of an elemental image array, by LightField.from_eia"
+        return "; for an elemental image array, use LightField.from_eia"
     return ""
 
 
 def _advise_five_axes(shape: Sequence[int], name: str) -> str:
-    """As `advise_axes`, of five axes: views have more pixels than there are views."""
+    """Does the same as `advise_axes` for five axes, assuming that views have more pixels than there are views."""
     if shape[0] in (1, 3) and min(shape[1:3]) > max(shape[3:]):
-        return f"; of (C, H, W, V, U), as in {name}.transpose(3, 4, 1, 2, 0)"
+        return f"; for (C, H, W, V, U), as in {name}.transpose(3, 4, 1, 2, 0)"
     if shape[4] > 4 >= shape[2] and min(shape[:2]) > max(shape[3:]):
-        return f"; of (H, W, C, V, U), as in {name}.transpose(3, 4, 0, 1, 2)"
+        return f"; for (H, W, C, V, U), as in {name}.transpose(3, 4, 0, 1, 2)"
     if shape[4] > 4 >= shape[2]:
-        return f"; of (V, U, C, H, W), as in np.moveaxis({name}, 2, -1)"
+        return f"; for (V, U, C, H, W), as in np.moveaxis({name}, 2, -1)"
     if shape[0] in (1, 3) and max(shape[1:3]) < min(shape[3:]):
-        return f"; of (C, V, U, H, W), as in np.moveaxis({name}, 0, -1)"
+        return f"; for (C, V, U, H, W), as in np.moveaxis({name}, 0, -1)"
     return ""

@@ -1,8 +1,8 @@
-"""Removal of triangles that no ray of the given views can meet: outside every view, or between all of its samples.
+"""Removes triangles that no ray of the given views can hit: outside every view, or between all its samples.
 
-A view's rays are parallel and stand on a grid in the array's plane, so a triangle is sheared along them onto that plane
-(see `renderer.backends.projections`); where the rectangle around its shadow holds no point of the grid, none of the
-view's rays meets it: small primitive culling (Wihlidal, GDC 2016).
+A view's rays are parallel and start on a grid in the array's plane, so a triangle is sheared along them onto that plane
+(see `renderer.backends.projections`). If the rectangle around its shadow holds no point of the grid, none of the view's
+rays hits the triangle: small primitive culling (Wihlidal, GDC 2016).
 """
 
 from __future__ import annotations
@@ -22,26 +22,28 @@ if TYPE_CHECKING:
     from ciir.renderer.views import View
 
 FEW_VIEWS = 5
-"""Most views for which culling is done: each costs a twentieth of the time that Embree takes to build the scene, and
-leaves fewer triangles to remove."""
+"""Most views for which culling is done: each view costs a twentieth of the time that Embree takes to build the scene,
+and leaves fewer triangles to remove."""
 MIN_TRIANGLES_PER_RAY = {"raytrace": 2, "raster": 8}
-"""Least triangles for each ray, by backend, for culling to be done: Embree takes longer for a triangle than OpenGL
+"""Fewest triangles per ray, by backend, at which culling is done: Embree takes longer for a triangle than OpenGL
 (`python -m ciir.benchmarks.skipping --only culling`)."""
 SNAP = 1 / 32
-"""How far OpenGL may move a vertex, in samples: to the nearest of 16 steps at the coarsest (GL_SUBPIXEL_BITS >= 4)."""
+"""How far OpenGL may move a vertex, in samples: it rounds to the nearest of 16 steps at the coarsest (GL_SUBPIXEL_BITS
+>= 4)."""
 ROUNDING = 16
-"""Rounding errors of vertices and rays, in units of float32's last place of the scene's longest side or the array's."""
+"""Rounding errors of vertices and rays, in units of float32's last place for the scene's or the array's longest
+side."""
 
 
 def is_worthwhile(backend: str, *, triangles: int, rays: int, views: int) -> bool:
-    """Whether culling a scene of `triangles` saves time before `backend` renders `views` of `rays` samples each."""
+    """Returns whether culling a scene of `triangles` saves time when `backend` renders `views` of `rays` samples."""
     return views <= FEW_VIEWS and MIN_TRIANGLES_PER_RAY[backend] * views * rays <= triangles
 
 
 def cull_if_worthwhile(
     scene: Scene, array: LensArray, views: Sequence[View], backend: str, *, samples: int = 1
 ) -> Scene:
-    """The scene culled by `cull_scene` where that saves time before `backend`, raytrace or raster; else `scene`."""
+    """Returns the scene culled by `cull_scene` if that saves time with `backend`, raytrace or raster; else `scene`."""
     rays = array.rows * array.cols * samples**2
     if not is_worthwhile(backend, triangles=scene.triangles, rays=rays, views=len(views)):
         return scene
@@ -49,10 +51,10 @@ def cull_if_worthwhile(
 
 
 def cull_scene(scene: Scene, array: LensArray, views: Sequence[View], *, samples: int = 1) -> Scene:
-    """The scene with only the triangles that some ray of `views` may meet, or `scene` itself where none meets any.
+    """Returns the scene with only the triangles that a ray of `views` may hit, or `scene` itself if no ray hits any.
 
-    `samples`: point samples along each side of a lens cell. Views and bounds stay the same to the bit, but for Embree's
-    result on a ray exactly through an edge, or one that meets two surfaces at exactly the same distance.
+    `samples`: point samples along each side of a lens cell. Views and bounds stay the same to the bit, except for
+    Embree's result for a ray exactly through an edge, or one that hits two surfaces at exactly the same distance.
     """
     fine, bounds = array.refine(samples), scene.bounds()
     longest = float((bounds[1] - bounds[0]).max()) / fine.pitch
@@ -66,8 +68,8 @@ def cull_scene(scene: Scene, array: LensArray, views: Sequence[View], *, samples
 
 
 def find_met_triangles(part: Part, array: LensArray, views: Sequence[View], margin: float) -> NDArray[np.bool_]:
-    """`(m,)`: whether the rectangle around a triangle's shadow, widened by `margin` pitches to each side, holds one of
-    the array's lenses in one of `views`.
+    """Returns `(m,)`: whether the rectangle around each triangle's shadow, widened by `margin` pitches on each side,
+    contains one of the array's lenses in one of `views`.
     """
     corners = np.ascontiguousarray(part.faces.T)  # (3, m)
     found = np.zeros(corners.shape[1], np.bool_)
@@ -82,7 +84,7 @@ def find_met_triangles(part: Part, array: LensArray, views: Sequence[View], marg
 def _span_integer(
     places: NDArray[np.float64], corners: NDArray[np.int32], count: int, margin: float
 ) -> NDArray[np.bool_]:
-    """`(m,)`: whether one of 0 ... `count - 1` lies between the places `(n,)` of a triangle's `corners` `(3, m)`."""
+    """Returns whether one of 0 ... `count - 1` lies between the places `(n,)` of each triangle's `corners` `(3, m)`."""
     rounded = places.astype(np.float32)
     a, b, c = (rounded[corner] for corner in corners)
     low = np.ceil(np.minimum(np.minimum(a, b), c) - margin)
@@ -91,7 +93,7 @@ def _span_integer(
 
 
 def _keep_faces(part: Part, faces: NDArray[np.int32]) -> Part:
-    """The part with only these of its triangles and the vertices that they use."""
+    """Returns the part with only these of its triangles and the vertices that they use."""
     is_used = np.zeros(len(part.vertices), np.bool_)
     is_used[faces] = True
     number, kept = np.cumsum(is_used, dtype=np.int32) - 1, np.flatnonzero(is_used)

@@ -1,4 +1,4 @@
-"""Views by casting every ray with Embree: the exact reference, which also runs where OpenGL doesn't."""
+"""Renders views by casting every ray with Embree: the exact reference, which also runs without OpenGL."""
 
 from __future__ import annotations
 
@@ -28,26 +28,26 @@ if TYPE_CHECKING:
     from ciir.renderer.views import View
 
     RayBatch = tuple[slice, NDArray[np.float64], NDArray[np.float64]]
-    """Which rays, their origins `(n, 3)` and their direction `(3,)`."""
+    """Slice of the rays, their origins `(n, 3)` and their direction `(3,)`."""
 
 Value = TypeVar("Value", np.uint8, np.float32)
 
 RAYS_PER_BATCH = 1 << 14
 RAYS_AT_ONCE = 1 << 17
-"""Of views that are cast together, at most, but for a single view; the next ones are cast meanwhile."""
+"""Most rays of views that are cast together (a single view may have more); the next views are cast meanwhile."""
 MAX_LAYERS = 64
 """Most cut-out or see-through surfaces, and hidden backs, that one ray may pass; it ends there, with a note."""
 HIDDEN = 1 / 8192
-"""Share of the light from behind at which a ray ends: less changes no 8-bit value by a thirtieth."""
+"""Share of the light from behind at which a ray ends: smaller shares change no 8-bit value by a thirtieth."""
 EXTENT = 100.0
 """Half the scene's longest side in Embree's coordinates: its float32 tests lose digits on tiny triangles."""
 STEP = 4e-6 * EXTENT
-"""How far behind a point that it passes a ray continues: about 50 spacings of float32 at `EXTENT`."""
+"""Distance behind a passed point at which a ray continues: about 50 spacings of float32 at `EXTENT`."""
 ROUNDING = 1e-6
-"""By how much an alpha in float32 may fall below that of all corners of its triangle, where they have the same."""
+"""How far an alpha in float32 may fall below that of its triangle's corners when all three have the same alpha."""
 PASSED = (
-    f"raytrace: some rays pass over {MAX_LAYERS} cut-out or see-through surfaces, and end there; what lies behind is "
-    "not drawn"
+    f"raytrace: some rays pass more than {MAX_LAYERS} cut-out or see-through surfaces, and end there; what lies behind "
+    "is not drawn"
 )
 
 
@@ -55,18 +55,20 @@ class PreparedScene:
     """All parts of a scene in one Embree scene, with the colours of their surfaces."""
 
     def __init__(self, scene: Scene, *, whole_lines: bool = True) -> None:
-        """`whole_lines`: whether rays also meet what lies before their origins; they then begin before the array."""
+        """`whole_lines`: whether rays also hit what lies in front of their origins; they then begin in front of the
+        array.
+        """
         parts = scene.parts
         first = np.cumsum([0] + [len(part.vertices) for part in parts])
         self.textures = [part.texture for part in parts]
         vertices = np.concatenate([part.vertices for part in parts])  # (n, 3)
-        # Embree's scene is centred and scaled, so that neither size nor distance costs float32 digits.
+        # Embree's scene is centred and scaled so that neither size nor distance costs float32 digits.
         low, high = scene.bounds()
         self._middle, self._scale = (low + high) / 2, 2 * EXTENT / max(float((high - low).max()), 1e-300)
         self._radius = float(np.linalg.norm(high - low)) / 2
         self._first = 0.0 if high[2] < 0 or not whole_lines else -np.inf
         self.passed = 0
-        """Rays that ended at `MAX_LAYERS`."""
+        """Number of rays that ended at `MAX_LAYERS`."""
         self.faces = np.concatenate([part.faces + first[i] for i, part in enumerate(parts)]).astype(np.int32)  # (m, 3)
         self.colors = np.concatenate([part.colors for part in parts])  # (n, 4)
         self._back: NDArray[np.float32] | None = None  # (n, 4)
@@ -91,15 +93,15 @@ class PreparedScene:
         self._find_hits(np.zeros((1, 3), np.float32), np.array([[0, 0, 1]], np.float32))
 
     def _to_embree(self, points: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Points of the scene `(n, 3)` in Embree's coordinates."""
+        """Returns points of the scene `(n, 3)` in Embree's coordinates."""
         placed: NDArray[np.float32] = ((points - self._middle) * self._scale).astype(np.float32)
         return placed
 
     def _find_hits(
         self, origins: NDArray[np.float32], directions: NDArray[np.float32]
     ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-        """Triangle of each ray's first hit or -1, its barycentric coordinates u and v there, and its distance, `(n,)`
-        each. Rays pass backs that are hidden. Other threads run meanwhile.
+        """Returns the triangle of each ray's first hit or -1, its barycentric coordinates u and v there, and its
+        distance, `(n,)` each. Rays pass through hidden backs. Other threads can run meanwhile.
         """
         hit = self._embree.run(origins, directions, output=1)
         found = hit["primID"], hit["u"], hit["v"], hit["tfar"]
@@ -123,7 +125,7 @@ class PreparedScene:
     def _find_hidden(
         self, triangle: NDArray[np.int32], normals: NDArray[np.float32], along: NDArray[np.float32]
     ) -> NDArray[np.intp]:
-        """Which rays meet a back that is hidden. `normals`: of what each meets, `(n, 3)`, of any length."""
+        """Returns the rays that hit a hidden back. `normals`: of what each ray hits, `(n, 3)`, of any length."""
         is_back = np.einsum("nk,nk->n", normals, along) > 0
         if not is_back.any():  # the usual case: the object is closed
             return np.flatnonzero(is_back)
@@ -140,7 +142,9 @@ class PreparedScene:
         found: tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]],
         hidden: NDArray[np.intp],
     ) -> NDArray[np.intp]:
-        """Changes the hits `hidden` of `found`, on backs, to the fronts at the same places; returns those without."""
+        """Replaces the hits `hidden` of `found`, on backs, by fronts at the same places; returns those without a
+        front.
+        """
         if not len(hidden):
             return hidden
         place, fronts = self._fronts
@@ -155,9 +159,10 @@ class PreparedScene:
     def _enter(
         self, origins: NDArray[np.float64], direction: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.float32]]:
-        """Where rays start, as multiples of `direction` `(n,)` and in Embree's coordinates `(n, 3)`; their directions.
+        """Returns where rays start, as multiples of `direction` `(n,)` and in Embree's coordinates `(n, 3)`; and
+        directions.
 
-        They enter the sphere around the scene there: from farther away float32 aims less exactly.
+        They start where they enter the sphere around the scene, because float32 aims less exactly from farther away.
         """
         axes = list(zip(origins.T, direction.T, self._middle, strict=True))  # by axis: rows of 3 are slow in NumPy
         squared = sum(along**2 for _, along, _ in axes)
@@ -171,7 +176,7 @@ class PreparedScene:
     def meet(
         self, origins: NDArray[np.float64], direction: NDArray[np.float64]
     ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-        """The triangle that each ray meets first, or -1, `(n,)`, and the weights of its corners there `(n, 3)`.
+        """Returns the triangle that each ray hits first, or -1, `(n,)`, and the weights of its corners there `(n, 3)`.
 
         `origins`, `direction`: as in `cast`. Cut-out and see-through triangles count too.
         """
@@ -182,14 +187,14 @@ class PreparedScene:
     def cast(
         self, origins: NDArray[np.float64], direction: NDArray[np.float64]
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """The colour and the distance of what each ray meets.
+        """Returns the colour and the distance of what each ray hits.
 
         `origins`: `(n, 3)`, `direction`: `(3,)` or `(n, 3)`, in the scene's coordinates. See-through surfaces are
         blended front to back ("over", Porter and Duff, SIGGRAPH 1984). A surface closer than `STEP` behind a point that
         a ray passes is passed with it.
 
-        Returns RGBA `(n, 4)` in [0, 1], RGB times alpha, all zero where a ray meets nothing; and the distances `(n,)`
-        of the first points with alpha of at least `SOLID`, as multiples of `direction`, +inf where there is none.
+        Returns RGBA `(n, 4)` in [0, 1], RGB times alpha, all zero if a ray hits nothing; and the distances `(n,)` of
+        the first points with alpha of at least `SOLID`, as multiples of `direction`, +inf if there is none.
         """
         entry, entries, along = self._enter(origins, direction)
         rgba = np.zeros((len(origins), 4), np.float32)
@@ -225,7 +230,7 @@ class PreparedScene:
         return rgba, entry + reached / self._scale
 
     def cast_levels(self, origins: NDArray[np.float64], direction: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """The colours of `cast` in whole levels, `(n, 4)`, rounded to nearest."""
+        """Returns the colours of `cast` in whole levels, `(n, 4)`, rounded to nearest."""
         if self._lets_through:
             return (self.cast(origins, direction)[0] * 255.0 + 0.5).astype(np.uint8)
         _, entries, along = self._enter(origins, direction)
@@ -243,10 +248,10 @@ class PreparedScene:
         along: NDArray[np.float32],
         hit: NDArray[np.intp],
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """RGBA of hits `(n, 4)`, with alpha 1, and the share of what is behind that they hide, `(n,)`.
+        """Returns RGBA of hits `(n, 4)`, with alpha 1, and the share of what is behind them that they hide, `(n,)`.
 
-        `along`: the directions of all rays `(m, 3)`, which show the front or the back of a triangle. `hit`: which of
-        them `triangle` is for, `(n,)`.
+        `along`: the directions of all rays `(m, 3)`, which decide whether the front or the back of a triangle is seen.
+        `hit`: the rays that `triangle` is for, `(n,)`.
         """
         corners = self.faces.take(triangle, axis=0)  # (n, 3)
         product = np.einsum("nk,nkc->nc", weights, self.colors.take(corners, axis=0))  # (n, 4)
@@ -277,7 +282,7 @@ class PreparedScene:
 
 
 def _weigh_corners(u: NDArray[np.float32], v: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The weights of a triangle's corners `(n, 3)` at barycentric coordinates `(n,)`."""
+    """Returns the weights of a triangle's corners `(n, 3)` at barycentric coordinates `(n,)`."""
     weights = np.empty((len(u), 3), np.float32)
     np.subtract(1 - u, v, out=weights[:, 0])
     weights[:, 1], weights[:, 2] = u, v
@@ -285,7 +290,7 @@ def _weigh_corners(u: NDArray[np.float32], v: NDArray[np.float32]) -> NDArray[np
 
 
 class RaytraceBackend(Backend):
-    """Casts one ray for each sample, along the whole line through its point on the lens array."""
+    """Casts one ray for each sample along the whole line through its point on the lens array."""
 
     name = "raytrace"
 
@@ -317,7 +322,7 @@ class RaytraceBackend(Backend):
 
 
 def list_rays(array: LensArray, view: View) -> Iterator[RayBatch]:
-    """The view's rays in batches, row by row: which of them, their origins `(n, 3)` and their direction `(3,)`."""
+    """Yields the view's rays in batches, row by row: their slice, their origins `(n, 3)` and their direction `(3,)`."""
     direction = np.array([array.tangent_x()[view[1]], array.tangent_y()[view[0]], -1.0])
     count = array.rows * array.cols
     for start in range(0, count, RAYS_PER_BATCH):
@@ -325,9 +330,9 @@ def list_rays(array: LensArray, view: View) -> Iterator[RayBatch]:
         yield rays, _list_origins(array, rays.start, rays.stop), direction
 
 
-@lru_cache(maxsize=16)  # all views of an array have the same
+@lru_cache(maxsize=16)  # all views of an array have the same origins
 def _list_origins(array: LensArray, start: int, stop: int) -> NDArray[np.float64]:
-    """The centres of some lenses of an array, row by row, `(n, 3)`, read-only."""
+    """Returns the centres of some lenses of an array, row by row, `(n, 3)`, read-only."""
     row, col = np.divmod(np.arange(start, stop), array.cols)
     origins = np.stack([array.lens_x()[col], array.lens_y()[row], np.zeros(len(row))], axis=1)
     origins.flags.writeable = False
@@ -340,7 +345,7 @@ def _cast_views(
     make: Callable[[int], NDArray[Value]],
     cast: Callable[[NDArray[Value], RayBatch], None],
 ) -> Iterator[NDArray[Value]]:
-    """A picture of each view, made by `make` for its number of rays and filled by `cast`, on all cores."""
+    """Yields a picture of each view, made by `make` for its number of rays and filled by `cast`, on all cores."""
     count = array.rows * array.cols
     size = max(1, RAYS_AT_ONCE // count)
     with ThreadPoolExecutor(count_available_cores(), thread_name_prefix="rays") as pool:
@@ -351,7 +356,7 @@ def _cast_views(
 
         coming = begin(0)
         for first in range(size, len(views) + size, size):
-            group, coming = coming, begin(first)  # none after the last
+            group, coming = coming, begin(first)  # empty after the last
             for picture, parts in group:
                 for part in parts:
                     part.result()

@@ -25,9 +25,9 @@ BLACK = (0, 0, 0)
 class Backend(ABC):
     """Renders views of a scene given in the lens array's coordinates, in two channels: colour and depth.
 
-    A scene may lie behind the array, before it, or reach through it: a sample shows what its whole line meets first as
-    seen from before the array (+z). `notes`, where given, gets a line on each thing that could not be drawn exactly.
-    Safe to call from several threads at once.
+    A scene may lie behind the array, in front of it, or reach through it: a sample shows what its whole line hits first
+    as seen from in front of the array (+z). `notes`, if given, gets a line for each thing that could not be drawn
+    exactly. Backends can be called from several threads at once.
     """
 
     name: str
@@ -36,9 +36,9 @@ class Backend(ABC):
     def sample_views(
         self, scene: Scene, array: LensArray, views: Sequence[View], *, notes: set[str] | None = None
     ) -> Iterator[NDArray[np.uint8]]:
-        """Each of `views` by one point sample for each lens, `(rows, cols, 4)` RGBA, RGB times alpha.
+        """Yields each of `views` with one point sample per lens, `(rows, cols, 4)` RGBA, RGB times alpha.
 
-        Alpha is 0 or 255, but where see-through surfaces are blended.
+        Alpha is 0 or 255, except where see-through surfaces are blended.
         """
 
     def render_views(
@@ -51,10 +51,11 @@ class Backend(ABC):
         background: tuple[int, int, int] = BLACK,
         notes: set[str] | None = None,
     ) -> Iterator[NDArray[np.uint8]]:
-        """The colour of each of `views`, `(rows, cols, 4)` RGBA; alpha is the share of the lens that the scene covers.
+        """Yields the colour of each of `views`, `(rows, cols, 4)` RGBA; alpha is the share of the lens that is
+        covered.
 
-        `samples`: point samples along each side of a lens cell, 1 to 16 (see `renderer.sampling`). `background`: RGB,
-        0 to 255. Raises `InvalidOption` where `samples` or the size of a view is out of range.
+        `samples`: point samples along each side of a lens cell, 1 to 16 (see `renderer.sampling`). `background`: RGB, 0
+        to 255. Raises `InvalidOption` if `samples` or the size of a view is out of range.
         """
         check_samples(samples)
         for picture in self.sample_views(scene, array.refine(samples), views, notes=notes):
@@ -62,13 +63,15 @@ class Backend(ABC):
 
     @abstractmethod
     def render_depth(self, scene: Scene, array: LensArray, views: Sequence[View]) -> Iterator[NDArray[np.float32]]:
-        """The depth of each of `views`, `(rows, cols)`: the distance from the array's plane along -z, in scene units.
+        """Yields the depth of each of `views`, `(rows, cols)`: distance from the array's plane along -z, in scene
+        units.
 
-        One ray through each lens's centre is followed to the surface that it meets, of see-through ones the first with
-        alpha of at least `renderer.scene.SOLID`; +inf where it meets none, negative before the array. Depths are not
-        averaged over a lens: the mean of two surfaces lies on neither. For more samples refine the array.
+        One ray through each lens's centre is followed to the first surface that it hits. See-through surfaces count
+        only if their alpha there is at least `renderer.scene.SOLID`. The depth is +inf if the ray hits none, and
+        negative in front of the array. Depths are not averaged over a lens, because the mean of two surfaces lies on
+        neither. For more samples, refine the array.
 
-        Raises `InvalidOption` where the size of a view is out of range.
+        Raises `InvalidOption` if the size of a view is out of range.
         """
 
     def render_eia(
@@ -80,9 +83,9 @@ class Backend(ABC):
         background: tuple[int, int, int] = BLACK,
         notes: set[str] | None = None,
     ) -> NDArray[np.uint8]:
-        """The elemental image array, `(rows*pixels_v, cols*pixels_u, 4)` RGBA; see `render_views` for the rest.
+        """Returns the elemental image array, `(rows*pixels_v, cols*pixels_u, 4)` RGBA; see `render_views` for the rest.
 
-        Views are taken one at a time.
+        Views are rendered one at a time.
         """
         every = parse_views("all", array.pixels_v, array.pixels_u)
         views = self.render_views(scene, array, every, samples=samples, background=background, notes=notes)
@@ -93,7 +96,7 @@ class Backend(ABC):
 
 
 def fill_background(picture: NDArray[np.uint8], background: tuple[int, int, int]) -> NDArray[np.uint8]:
-    """Point samples `(h, w, 4)`, RGB times alpha, over `background`; alpha is kept."""
+    """Returns point samples `(h, w, 4)`, RGB times alpha, over `background`; alpha is kept."""
     if background != BLACK:
         picture = picture.copy()
         shows = picture[..., 3] < 255

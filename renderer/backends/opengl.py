@@ -1,8 +1,8 @@
-"""Pictures of a scene by OpenGL: pyrender on EGL, with projection matrices of our own.
+"""Draws pictures of a scene with OpenGL: pyrender on EGL, with our own projection matrices.
 
-One sample a pixel, no lights and textures without mipmaps, so that a pixel is the point sample that
-`renderer.sampling` defines. The only module that imports pyrender or OpenGL; `renderer.backends.raster` calls it on
-the thread that owns the context.
+There is one sample per pixel, and there are no lights and no mipmaps, so that a pixel is the point sample that
+`renderer.sampling` defines. This is the only module that imports pyrender or OpenGL; `renderer.backends.raster` calls
+it on the thread that owns the context.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from ciir.renderer.scene import SOLID
 os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
 UNUSED = {"viewer": "Viewer", "font": "FontCache", "scene": "Scene", "node": "Node", "mesh": "Mesh"}
 """pyrender's modules, and their classes, that nothing here uses. They import X libraries, which a server doesn't have,
-fonts, trimesh and networkx: three quarters of OpenGL's start."""
+fonts, trimesh and networkx: three quarters of OpenGL's start-up time."""
 
 
 @contextmanager
 def leave_out_unused() -> Iterator[None]:
-    """Imports pyrender without `UNUSED` inside the block; a later import elsewhere gets all of it."""
+    """Makes imports of pyrender inside the block skip `UNUSED`; a later import elsewhere gets all of it."""
     if "pyrender" in sys.modules:
         yield
         return
@@ -69,12 +69,12 @@ if TYPE_CHECKING:
     from ciir.renderer.scene import Part, Scene
 
 MAX_SIDE = 8192
-"""Longest side of a framebuffer, pixels."""
+"""Longest side of a framebuffer, in pixels."""
 WRAP = {"repeat": GL.GL_REPEAT, "mirror": GL.GL_MIRRORED_REPEAT, "clamp": GL.GL_CLAMP_TO_EDGE}
 
 
 class PointSampler(pyrender.Renderer):  # type: ignore[misc]
-    """pyrender's renderer with one sample a pixel and our flat shader, which reads one channel back."""
+    """pyrender's renderer with one sample per pixel and our flat shader; it reads one channel back."""
 
     channel: Literal["color", "depth"] = "color"
     _main_fb: int | None
@@ -85,10 +85,10 @@ class PointSampler(pyrender.Renderer):  # type: ignore[misc]
         self._program_cache = ShaderProgramCache(shader_dir=str(Path(__file__).parent / "shaders"))
 
     def __del__(self) -> None:
-        """Does nothing: pyrender's would call OpenGL from any thread as the process ends."""
+        """Does nothing: pyrender's own would call OpenGL from any thread when the process ends."""
 
     def _configure_main_framebuffer(self) -> None:
-        """A framebuffer of the viewport's size with one sample a pixel; pyrender's averages four."""
+        """Makes a framebuffer of the viewport's size with one sample per pixel; pyrender's averages four."""
         size = (self.viewport_width, self.viewport_height)
         if self._main_fb is not None and self._main_fb_dims == size:
             return
@@ -112,7 +112,9 @@ class PointSampler(pyrender.Renderer):  # type: ignore[misc]
         self._main_fb = self._main_fb_ms = self._main_cb = self._main_db = None
 
     def _read_main_framebuffer(self, scene: object, flags: int) -> NDArray[Any]:  # noqa: ARG002 - pyrender's signature
-        """`(height, width, 4)` RGBA, or `(height, width)` of the depth buffer in [0, 1]; first row at the top."""
+        """Returns `(height, width, 4)` RGBA, or `(height, width)` of the depth buffer in [0, 1]; first row at the
+        top.
+        """
         width, height = self._main_fb_dims
         GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb)
         if self.channel == "depth":
@@ -122,24 +124,26 @@ class PointSampler(pyrender.Renderer):  # type: ignore[misc]
         return np.frombuffer(pixels, np.uint8).reshape(height, width, 4)[::-1]
 
     def _sorted_mesh_nodes(self, scene: GlScene) -> list[GlScene]:
-        """Nodes in any order: nothing is blended, so the depth test alone decides."""
+        """Returns the nodes in any order: nothing is blended, so the depth test alone decides."""
         return scene.mesh_nodes
 
 
 class MatrixCamera(pyrender.Camera):  # type: ignore[misc]
-    """A camera in the plane z = 0 that looks along -z; pyrender's own overwrite the matrix from the viewport."""
+    """A camera in the plane z = 0 that looks along -z; pyrender's own cameras derive the matrix from the viewport."""
 
     def __init__(self, matrix: NDArray[np.float64]) -> None:
         super().__init__(znear=1.0, zfar=2.0)
         self.matrix = matrix
 
     def get_projection_matrix(self, width: int | None = None, height: int | None = None) -> NDArray[np.float64]:  # noqa: ARG002
-        """The 4x4 matrix from camera to clip coordinates."""
+        """Returns the 4x4 matrix from camera to clip coordinates."""
         return self.matrix
 
 
 class GlScene:
-    """What pyrender's renderer uses of its `Scene`: one mesh without lights, and one camera, where they are."""
+    """The part of pyrender's `Scene` that its renderer uses: one mesh without lights, and one camera, neither of them
+    moved.
+    """
 
     bg_color, lights, light_nodes, is_visible = (0.0, 0.0, 0.0, 0.0), (), (), True
 
@@ -164,14 +168,14 @@ class GlScene:
         return {self}
 
     def get_pose(self, node: GlScene) -> NDArray[np.float64]:  # noqa: ARG002 - pyrender's signature
-        """The matrix from a node's coordinates to the scene's, `(4, 4)`."""
+        """Returns the matrix from a node's coordinates to the scene's, `(4, 4)`."""
         return np.eye(4)
 
 
 def to_primitive(part: Part, middle: NDArray[np.float64]) -> pyrender.Primitive:
-    """`part` as pyrender's primitive, relative to `middle` `(3,)`, so that its distance costs float32 no digits.
+    """Returns `part` as pyrender's primitive, relative to `middle` `(3,)` so that its distance costs float32 no digits.
 
-    The vertex alpha is scaled so that the part's cutoff becomes one half, as the shader has it. See-through parts are
+    The vertex alpha is scaled so that the part's cutoff becomes one half, as the shader expects. See-through parts are
     cut out at `SOLID`.
     """
     colors = part.colors.astype(np.float32).copy()
@@ -204,7 +208,7 @@ def to_primitive(part: Part, middle: NDArray[np.float64]) -> pyrender.Primitive:
         texcoord_0=None if part.uv is None else part.uv.astype(np.float32),
         material=pyrender.MetallicRoughnessMaterial(
             baseColorTexture=texture,
-            baseColorFactor=[float(part.is_linear)] * 4,  # says so to the shader; the colour is in the vertices
+            baseColorFactor=[float(part.is_linear)] * 4,  # a flag for the shader; the colour is in the vertices
             doubleSided=not part.hides_back,
         ),
     )
@@ -215,7 +219,7 @@ class Drawing:
     """One picture to draw."""
 
     projection: Callable[[float, float], NDArray[np.float64]]
-    """Makes the 4x4 matrix from the distances of the near and the far plane."""
+    """Function that makes the 4x4 matrix from the distances of the near and the far plane."""
     height: int
     width: int
     place: tuple[float, float] = (0.0, 0.0)
@@ -223,7 +227,7 @@ class Drawing:
 
 
 class Context:
-    """The EGL context with the scene loaded into it. Every method must run on the thread that made it."""
+    """The EGL context with the scene loaded into it. Every method must run on the thread that created it."""
 
     def __init__(self) -> None:
         try:
@@ -240,7 +244,7 @@ class Context:
         self._scene: Scene | None = None
 
     def load(self, scene: Scene) -> None:
-        """Makes `scene` the one that is drawn. Where that fails the previous scene stays loaded."""
+        """Makes `scene` the one that is drawn. If that fails, the previous scene stays loaded."""
         if scene is self._scene:
             return
         bounds = scene.bounds()
@@ -248,7 +252,7 @@ class Context:
         gl_scene = GlScene([to_primitive(part, middle) for part in scene.parts])
         distance = -bounds[:, 2]
         far, near = (float(side) for side in distance)
-        # The two planes differ, also for a flat sheet in the array's plane.
+        # The two planes must differ even for a flat sheet in the array's plane.
         margin = max(0.01 * (far - near) + 1e-6 * abs(far), 1e-6 * float((bounds[1] - bounds[0]).max()))
         self._gl_scene, self._middle, self._scene = gl_scene, middle, scene
         # The near plane of a perspective camera must lie in front of the camera.
@@ -256,12 +260,12 @@ class Context:
         self.far = far + margin
 
     def draw_color(self, drawing: Drawing) -> NDArray[np.uint8]:
-        """`(height, width, 4)` RGBA of the loaded scene; alpha 0 where nothing is."""
+        """Returns `(height, width, 4)` RGBA of the loaded scene; alpha is 0 where there is nothing."""
         return self._draw(drawing, "color")
 
     def draw_depth(self, drawing: Drawing) -> NDArray[np.float32]:
-        """`(height, width)`: distance of the loaded scene from the camera's plane along -z in its units, +inf where
-        nothing is.
+        """Returns `(height, width)`: the distance of the loaded scene from the camera's plane along -z in its units,
+        +inf where there is nothing.
 
         `drawing` must be a parallel projection, whose depth buffer is linear. Its 24 bits resolve 6e-8 of the scene's
         extent in z, and the shader's float32 rounds to a few times that.

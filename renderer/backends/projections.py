@@ -14,11 +14,12 @@ if TYPE_CHECKING:
 
 
 def make_oblique_matrix(array: LensArray, view: View, near: float, far: float) -> NDArray[np.float64]:
-    """The 4x4 projection of view (v, u): all its rays are parallel, so points are sheared along them onto the array.
+    """Returns the 4x4 projection of view (v, u): its rays are parallel, so points are sheared along them onto the
+    array.
 
     A point (px, py, pz) appears where the ray through it along (tx, ty, -1) leaves the plane z = 0: at
-    `X = px + tx * pz`, `Y = py + ty * pz`. Clip x is X over half the array's width. Clip z is linear in the depth:
-    -1 at `near`, 1 at `far`.
+    `X = px + tx * pz`, `Y = py + ty * pz`. Clip x is X over half the array's width. Clip z is linear in the depth: -1
+    at `near`, 1 at `far`.
     """
     tx, ty = array.tangent_x()[view[1]], array.tangent_y()[view[0]]
     half_width, half_height = array.width / 2, array.height / 2
@@ -33,7 +34,7 @@ def make_oblique_matrix(array: LensArray, view: View, near: float, far: float) -
 
 
 def make_perspective_matrix(array: LensArray, near: float, far: float) -> NDArray[np.float64]:
-    """The 4x4 projection of one elemental image, for a camera at its lens.
+    """Returns the 4x4 projection of one elemental image, for a camera at its lens.
 
     Clip x is tx over half the range of tangents.
     """

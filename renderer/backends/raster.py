@@ -1,4 +1,4 @@
-"""Views by OpenGL, one oblique parallel projection each, drawn for all callers on one thread."""
+"""Renders views with OpenGL, one oblique parallel projection each, on one thread for all callers."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class RasterBackend(Backend):
     name = "raster"
 
     def __init__(self) -> None:
-        """Raises `BackendUnavailable` where OpenGL doesn't work."""
+        """Raises `BackendUnavailable` if OpenGL doesn't work."""
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="egl")
         self._context = self._thread.submit(Context).result()
 
@@ -66,8 +66,8 @@ class RasterBackend(Backend):
         background: tuple[int, int, int] = BLACK,
         notes: set[str] | None = None,
     ) -> NDArray[np.uint8]:
-        """See `Backend.render_eia`. Draws each view or each lens, whichever are fewer; a camera at a lens sees nothing
-        before the array, so each view where the scene reaches there.
+        """See `Backend.render_eia`. Draws each view or each lens, whichever are fewer. A camera at a lens sees nothing
+        in front of the array, so views are drawn if the scene reaches there.
         """
         by_view = array.pixels_v * array.pixels_u <= array.rows * array.cols * samples**2
         if by_view or scene.bounds()[1, 2] >= 0:
@@ -79,8 +79,8 @@ class RasterBackend(Backend):
     def render_by_lens(
         self, scene: Scene, array: LensArray, *, samples: int = 1, background: tuple[int, int, int] = BLACK
     ) -> NDArray[np.uint8]:
-        """The elemental image array of a scene behind the array by one perspective drawing for each sample of each
-        lens, as virtual cameras do.
+        """Returns the elemental image array of a scene behind the array, drawn by one perspective projection for each
+        sample of each lens, as virtual cameras do.
         """
         check_samples(samples)
         height, width = array.pixels_v, array.pixels_u
@@ -103,7 +103,9 @@ class RasterBackend(Backend):
     def _draw(
         self, scene: Scene, drawings: Sequence[Drawing], draw: Callable[[Drawing], NDArray[Value]]
     ) -> Iterator[NDArray[Value]]:
-        """Each of `drawings`, all of one size, by a method of the context; the thread alternates between callers."""
+        """Yields each of `drawings`, all of one size, drawn by a context method; the thread alternates between
+        callers.
+        """
         if not drawings:
             return
         height, width = drawings[0].height, drawings[0].width

@@ -1,4 +1,6 @@
-"""Triangles at one place that face opposite ways: files from before glTF's `doubleSided` have two sides by them."""
+"""Finds triangles at the same place that face opposite ways, as older files make two-sided surfaces without glTF's
+`doubleSided`.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ def find_reverses(
     vertices: NDArray[np.float64], faces: NDArray[np.int32]
 ) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
     """Numbers the positions of vertices `(n, 3)`, `(n,)`, and finds for each of the `faces` `(m, 3)` one that has its
-    corners at the same positions in reverse order, `(m,)`, -1 without one.
+    corners at the same positions in reverse order, `(m,)`, or -1 if there is none.
     """
     place, _ = number_positions(vertices)
     corners = place[faces]

@@ -1,4 +1,4 @@
-"""Which backend renders a scene: the one named, or the cheaper one."""
+"""Selects the backend that renders a scene: the one named, or the cheaper one."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ if TYPE_CHECKING:
     from ciir.renderer.backends.interface import Backend
 
 FEW_RAYS = 1 << 14
-"""Rays of a view that are cast whatever the scene: they take about 4 ms, and OpenGL 200 ms to start."""
+"""Up to this many rays, a view is cast whatever the scene: they take about 4 ms, and OpenGL takes 200 ms to start."""
 
 _lock = threading.Lock()
 _open: dict[str, Backend] = {}
 _refused: dict[str, str] = {}
-"""Why a backend can't run, as text: an exception that is kept would keep its callers' frames alive."""
+"""Why a backend can't run, as text: keeping the exception would keep its callers' frames alive."""
 
 
 def open_backend(name: str, *, triangles: int = 0, rays: int = 0, is_see_through: bool = False) -> tuple[Backend, str]:
-    """The backend called `name`, opened once per process, and the reason for it in one line for the report.
+    """Returns the backend called `name`, opened once per process, and the reason for it in one line for the report.
 
     `auto` takes the cheaper one for a scene of `triangles` and views of `rays` samples each: OpenGL's cost grows with
-    the triangles, Embree's with the rays, at about the same rate as measured. The number of views has no influence:
-    a single view equals the same view of an elemental image array. Where OpenGL doesn't work, and for see-through
+    the triangles, Embree's with the rays, at about the same rate as measured. The number of views has no influence, so
+    that a single view equals the same view of an elemental image array. If OpenGL doesn't work, and for see-through
     materials, which it can't blend in order, `auto` takes `raytrace`.
 
-    Raises `BackendUnavailable` where `name` is `raster` and OpenGL doesn't work, `InvalidOption` for unknown names.
+    Raises `BackendUnavailable` if `name` is `raster` and OpenGL doesn't work, `InvalidOption` for unknown names.
     """
     if name in ("raster", "raytrace"):
         return _open_once(name), f"{name}: asked for"
@@ -46,7 +46,7 @@ def open_backend(name: str, *, triangles: int = 0, rays: int = 0, is_see_through
 
 
 def predict_backend(name: str, *, triangles: int, rays: int, is_see_through: bool = False) -> str:
-    """The name of the backend that `open_backend` would return if OpenGL works, without opening it."""
+    """Returns the name of the backend that `open_backend` would return if OpenGL works, without opening it."""
     if name != "auto":
         return name
     cast = is_see_through or _is_cheap_to_cast(rays, triangles) or "raster" in _refused
@@ -54,7 +54,7 @@ def predict_backend(name: str, *, triangles: int, rays: int, is_see_through: boo
 
 
 def is_backend_open(name: str) -> bool:
-    """Whether this process has opened the backend already."""
+    """Returns whether this process has already opened the backend."""
     return name in _open
 
 
@@ -63,7 +63,7 @@ def _is_cheap_to_cast(rays: int, triangles: int) -> bool:
 
 
 def _open_once(name: str) -> Backend:
-    """The process's one backend of this name. A refusal is final: OpenGL does not appear in a running process."""
+    """Returns the process's only backend of this name. A refusal is final: a running process can't gain OpenGL."""
     with _lock:
         if name not in _open and name not in _refused:
             try:

@@ -1,4 +1,4 @@
-"""Texture sampling, as OpenGL's `GL_LINEAR` and `GL_NEAREST` at level 0 define it (OpenGL 3.3, section 3.8.11)."""
+"""Samples textures as OpenGL's `GL_LINEAR` and `GL_NEAREST` at level 0 define it (OpenGL 3.3, section 3.8.11)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def wrap_indices(index: NDArray[np.int64], size: int, wrap: Wrap) -> NDArray[np.int64]:
-    """Texel indices brought into `[0, size)`: `repeat`, `mirror` (every second copy is reversed) or `clamp`."""
+    """Returns texel indices mapped into `[0, size)`: `repeat`, `mirror` (every second copy reversed) or `clamp`."""
     if wrap == "repeat":
         return index % size
     if wrap == "mirror":
@@ -23,7 +23,7 @@ def wrap_indices(index: NDArray[np.int64], size: int, wrap: Wrap) -> NDArray[np.
 
 
 def sample_texture(texture: Texture, uv: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Colours of `texture` at `uv` `(n, 2)`, origin at its lower left corner: `(n, 4)` RGBA in [0, 1].
+    """Returns the colours of `texture` at `uv` `(n, 2)`, origin at its lower left corner: `(n, 4)` RGBA in [0, 1].
 
     Texel (row, column) has its centre at u = (column + 0.5) / width, v = 1 - (row + 0.5) / height.
     """
@@ -36,7 +36,7 @@ def sample_texture(texture: Texture, uv: NDArray[np.float32]) -> NDArray[np.floa
     x = uv[:, 0].astype(np.float64) * width - 0.5
     y = (1.0 - uv[:, 1].astype(np.float64)) * height - 0.5
     left, top = np.floor(x), np.floor(y)
-    # Repeated for the four channels: NumPy is several times as slow where an axis of four is broadcast.
+    # Repeated for the four channels: NumPy is several times as slow if an axis of four is broadcast.
     across, down = ((place - low).astype(np.float32).repeat(4) for place, low in ((x, left), (y, top)))  # (4 * n,)
     columns = [wrap_indices(left.astype(np.int64) + i, width, texture.wrap_u) for i in (0, 1)]
     rows = [wrap_indices(top.astype(np.int64) + i, height, texture.wrap_v) for i in (0, 1)]

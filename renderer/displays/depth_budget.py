@@ -1,4 +1,4 @@
-"""What a display shows sharply of a scene's depth, and what of the scene leaves its frame."""
+"""How much of a scene's depth a display shows sharply, and how much of the scene leaves its frame."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     from ciir.renderer.scene import Scene
 
 GHOST = 5.0
-"""Pixels by which neighbouring views of a quilt may differ: above it edges show double."""
+"""Pixels by which neighbouring views of a quilt may differ: above that, edges show double."""
 
 
 @dataclass(frozen=True)
 class DepthBudget:
-    """A scene's depth against a display's. Depths are in `unit`, positive before the display's plane."""
+    """A scene's depth compared with a display's. Depths are in `unit`, positive in front of the display's plane."""
 
     sharp: float
-    """How far before and behind its plane the display shows detail as fine as in it."""
+    """How far in front of and behind its plane the display shows detail as fine as in the plane."""
     nearest: float
     """Depth of the scene's nearest point."""
     farthest: float
@@ -39,11 +39,14 @@ class DepthBudget:
     unit: str
 
     def notes(self, zoom: float = 1.0) -> tuple[str, ...]:
-        """The budget in sentences, for the report. `zoom`: with which the scene was framed."""
+        """Returns the budget in sentences, for the report. `zoom`: the zoom that the scene was framed with."""
         unit = self.unit
         extent = f"{_place(self.farthest, unit)} to {_place(self.nearest, unit)}"
         lines = [
-            f"depth: the display is sharp up to {self.sharp:.3g} {unit} behind and before it; the scene spans {extent}"
+            (
+                f"depth: the display is sharp up to {self.sharp:.3g} {unit} behind and in front of its plane; "
+                f"the scene spans {extent}"
+            )
         ]
         if self.blurred:
             lines.append(
@@ -55,18 +58,18 @@ class DepthBudget:
         return tuple(lines)
 
     def _find_zoom(self, zoom: float) -> float:
-        """The largest zoom of two digits with which nothing blurs, where the scene was framed with `zoom`."""
+        """Returns the largest zoom of two digits with which nothing blurs if the scene was framed with `zoom`."""
         most = zoom * self.sharp / max(self.nearest, -self.farthest)
         digit = 10.0 ** (math.floor(math.log10(most)) - 1)
         return digit * math.floor(most / digit + 1e-9)
 
 
 def measure_integral(scene: Scene, display: IntegralDisplay) -> DepthBudget:
-    """The budget of a scene that stands in the coordinates of an integral display, millimetres.
+    """Returns the budget of a scene in the coordinates of an integral display, millimetres.
 
-    The lines of neighbouring pixels under a lens part by `tangent_step` for each millimetre of depth. Up to the depth
-    `lens_pitch / tangent_step` they are closer than the lenses, which then limit the detail; beyond it the lines do
-    (the bandwidth of a light-field display, Zwicker et al., EGSR 2006).
+    The lines of neighbouring pixels under a lens diverge by `tangent_step` for each millimetre of depth. Up to the
+    depth `lens_pitch / tangent_step` they are closer together than the lenses, which then limit the detail; beyond it
+    the lines do (the bandwidth of a light-field display, Zwicker et al., EGSR 2006).
     """
     sharp = display.lens_pitch / display.tangent_step
     reach = (display.tangent_range, display.tangent_range)
@@ -76,9 +79,10 @@ def measure_integral(scene: Scene, display: IntegralDisplay) -> DepthBudget:
 def describe_light_field(
     cameras: Pixels, display: IntegralDisplay, disparity: float, pixel_aspect: float = 1.0
 ) -> tuple[str, ...]:
-    """A note on the disparities of a light field, `(V, U, h, w, c)`, that an integral display shows sharply.
+    """Returns a note on the disparities of a light field, `(V, U, h, w, c)`, that an integral display shows sharply.
 
-    `disparity`: of what lies in the display's plane. See `resample_panel`, which spreads the views over its directions.
+    `disparity`: the disparity of what lies in the display's plane. See `resample_panel`, which spreads the views over
+    its directions.
     """
     size_v, size_u, height, width, _ = cameras.shape
     _, scale = display.fit_views((height, width), pixel_aspect)
@@ -88,7 +92,7 @@ def describe_light_field(
 
 
 def describe_directions(share: float, display: IntegralDisplay) -> tuple[str, ...]:
-    """A note on the share of a panel's subpixels that look in directions beyond those of all views."""
+    """Returns a note on the share of a panel's subpixels that look in directions beyond those of all views."""
     if share < 0.01:
         return ()
     remedy = "leave viewer.distance out, or render" if math.isfinite(display.distance) else "render"
@@ -99,8 +103,8 @@ def describe_directions(share: float, display: IntegralDisplay) -> tuple[str, ..
 def describe_native(
     cameras: Pixels, calibration: Calibration, disparity: float, pixel_aspect: float = 1.0
 ) -> tuple[str, ...]:
-    """As `describe_light_field`, of a native picture: the depth of `measure_lenticular`, which moves by a lens from one
-    of its `directions` to the next, in pixels of a view from one of the `U` views to the next.
+    """Returns the note of `describe_light_field` for a native picture: the depth of `measure_lenticular`, which moves
+    by a lens from one of its `directions` to the next, in pixels of a view from one of the `U` views to the next.
     """
     _, size_u, height, width, _ = cameras.shape
     if size_u == 1:
@@ -111,7 +115,7 @@ def describe_native(
 
 
 def _describe_sharp(cameras: Pixels, moved: float, disparity: float) -> str:
-    """The note on a display that is sharp up to `moved` pixels a view from `disparity`."""
+    """Returns the note on a display that is sharp up to `moved` pixels per view from `disparity`."""
     note = (
         f"depth: the display is sharp for disparities from {disparity - moved:.2g} to {disparity + moved:.2g} pixels "
         "between neighbouring views"
@@ -120,7 +124,7 @@ def _describe_sharp(cameras: Pixels, moved: float, disparity: float) -> str:
         return note
     found = _find_usual_range(cameras)
     if found is None:
-        return f"{note}; the views have too little texture to tell theirs"
+        return f"{note}; the views have too little texture to measure theirs"
     least, largest = found
     is_beyond = least < disparity - moved or largest > disparity + moved
     blurs = f"; the rest blurs{_suggest_plane(least, largest, disparity)}" if is_beyond else ""
@@ -128,10 +132,10 @@ def _describe_sharp(cameras: Pixels, moved: float, disparity: float) -> str:
 
 
 def describe_row(cameras: Pixels, count: int, disparity: float) -> tuple[str, ...]:
-    """A note where content moves by over `GHOST` pixels between neighbours of `count` views, made of one row; none
-    where views have too little texture to tell.
+    """Returns a note if content moves by over `GHOST` pixels between neighbours of `count` views made from one row, and
+    none if the views have too little texture to tell.
 
-    `cameras`: `(V, U, h, w, c)`; `disparity`: of what lies in the display's plane.
+    `cameras`: `(V, U, h, w, c)`; `disparity`: the disparity of what lies in the display's plane.
     """
     size_u = cameras.shape[1]
     if size_u == 1 or count == 1:
@@ -148,13 +152,15 @@ def describe_row(cameras: Pixels, count: int, disparity: float) -> tuple[str, ..
 
 
 def _find_usual_range(cameras: Pixels) -> tuple[float, float] | None:
-    from ciir.renderer.focus.stereo.search_range import find_usual_range  # loads scipy, of which few commands have need
+    from ciir.renderer.focus.stereo.search_range import find_usual_range  # loads scipy, which few commands need
 
     return find_usual_range(cameras)
 
 
 def _suggest_plane(least: float, largest: float, disparity: float) -> str:
-    """The disparity that is best in the display's plane, for a note, unless it is there."""
+    """Returns the end of a note that suggests the best disparity for the display's plane, or nothing if it is there
+    already.
+    """
     middle = (least + largest) / 2
     if abs(middle - disparity) <= 1:
         return ""
@@ -162,14 +168,14 @@ def _suggest_plane(least: float, largest: float, disparity: float) -> str:
 
 
 def _round(number: float) -> str:
-    """To a tenth, without a minus before 0."""
+    """Rounds to a tenth, without a minus before 0."""
     return f"{round(number, 1) + 0:g}"
 
 
 def measure_quilt(scene: Scene, screen: Screen, views: int, pixels: int) -> DepthBudget:
-    """The budget of a scene in a quilt of `views` views that are `pixels` wide, in screen heights.
+    """Returns the budget of a scene in a quilt of `views` views that are `pixels` wide, in screen heights.
 
-    Sharp is what moves by at most `GHOST` pixels between neighbouring views.
+    Content is sharp if it moves by at most `GHOST` pixels between neighbouring views.
     """
     cameras = screen.camera_x(place_views(views))
     step = float(np.diff(cameras).max()) / screen.distance if views > 1 else 1e-9
@@ -178,9 +184,10 @@ def measure_quilt(scene: Scene, screen: Screen, views: int, pixels: int) -> Dept
 
 
 def measure_lenticular(scene: Scene, screen: Screen, calibration: Calibration) -> DepthBudget:
-    """The budget of a scene in a native picture, in screen heights.
+    """Returns the budget of a scene in a native picture, in screen heights.
 
-    As `measure_integral`: each lens shows as many directions as there are subpixels, or pixels of no stripes, under it.
+    It is computed as in `measure_integral`: each lens shows as many directions as there are subpixels under it, or
+    pixels if the display has no stripes.
     """
     lens = screen.aspect / calibration.pitch
     step = 2 * np.tan(np.radians(screen.cone) / 2) / calibration.directions
@@ -208,14 +215,16 @@ def _measure(
 
 
 def _leaves(points: NDArray[np.float64], size: tuple[float, float], reach: tuple[float, float]) -> NDArray[np.bool_]:
-    """Whether some line through each of `points`, with tangents up to `reach`, meets the plane outside the frame."""
+    """Returns whether some line through each of `points`, with tangents up to `reach`, meets the plane outside the
+    frame.
+    """
     swept = np.abs(points[:, :2]) + np.abs(points[:, 2:]) * reach
     leaves: NDArray[np.bool_] = np.any(swept > np.array(size) / 2, axis=1)
     return leaves
 
 
 def _place(depth: float, unit: str) -> str:
-    return f"{abs(depth):.3g} {unit} {'before' if depth > 0 else 'behind'} it"
+    return f"{abs(depth):.3g} {unit} {'in front of' if depth > 0 else 'behind'} it"
 
 
 def _percent(share: float) -> str:

@@ -1,4 +1,4 @@
-"""Looking Glass displays, by the quilts that they take, and which quilt to make.
+"""Looking Glass displays, described by the quilts they take, and the selection of the quilt to make.
 
 Sizes: https://lfdocs.lookingglassfactory.com/keyconcepts/quilts, and pylightio (AliceLG), `lightfields.py`; a 16 inch
 display in landscape reports 8x6 views in 7680x4320 pixels and a cone of 50 degrees, not the 7x7 of that page.
@@ -24,7 +24,7 @@ class Device:
 
     @property
     def tile(self) -> tuple[int, int]:
-        """Height and width of a view in the quilt, pixels."""
+        """Height and width of a view in the quilt, in pixels."""
         return self.height // self.layout.rows, self.width // self.layout.cols
 
 
@@ -40,15 +40,15 @@ DEVICES = {
     "65": Device(QuiltLayout(8, 9, LANDSCAPE), 8192, 8190),
     "8.9": Device(QuiltLayout(5, 9, 1.6), 4095, 4095),
 }
-"""By name."""
+"""The devices by name."""
 
 
 def find_device(name: str) -> Device:
-    """The device called `name`, in any case. Raises `InvalidOption` for an unknown one."""
+    """Returns the device called `name`, in any case. Raises `InvalidOption` for an unknown one."""
     found = DEVICES.get(name.lower())
     if found is None:
         raise InvalidOption(
-            f"device: {name[:40]!r} is not known; give {', '.join(DEVICES)}, or a layout as in quilt 8x6 aspect 0.75"
+            f"device: {name[:40]!r} is not known; give {', '.join(DEVICES)}, or a layout such as quilt 8x6 aspect 0.75"
         )
     return found
 
@@ -59,11 +59,11 @@ class Quilt:
 
     layout: QuiltLayout
     tile: tuple[int, int]
-    """Height and width of a mesh's views, pixels; a light field's keep their own."""
+    """Height and width of a mesh's views, in pixels; a light field's views keep their own size."""
     cone: float
     """Degrees between the outermost cameras."""
     keeps_aspect: bool = False
-    """Whether a light field's views keep their own aspect, whatever the layout's."""
+    """Whether a light field's views keep their own aspect, whatever the layout's is."""
     notes: tuple[str, ...] = ()
 
 
@@ -74,11 +74,11 @@ def resolve_quilt(
     grid: tuple[int, int] | None = None,
     aspect: float | None = None,
 ) -> Quilt:
-    """The quilt of `device`, with `grid` (columns, rows) and `aspect` in place of the device's.
+    """Returns the quilt of `device`, with `grid` (columns, rows) and `aspect` in place of the device's.
 
-    `named`: the layout in the output's name, which stands in for a device. Without all of them: that of `DEFAULT`.
-    Without a device or an aspect a light field's views keep theirs. Raises `InvalidOption` for an unknown device, a
-    number out of range, and where `named` is not what the others say.
+    `named`: the layout in the output's name, which stands in for a device. If none of them is given, it is the quilt of
+    `DEFAULT`. Without a device or an aspect, a light field's views keep their own aspect. Raises `InvalidOption` for an
+    unknown device, for a number out of range, and if `named` contradicts the others.
     """
     shown = _find_by_name(named) if device is None else find_device(device)
     layout = shown.layout if device is not None or named is None else named.complete(shown.layout.aspect)
@@ -93,7 +93,7 @@ def resolve_quilt(
         )
     notes: tuple[str, ...] = ()
     if device is None and named is None and grid is None and aspect is None:
-        notes = (f"quilt: for the device {DEFAULT}; the option device gives another: {', '.join(DEVICES)}",)
+        notes = (f"quilt: made for the device {DEFAULT}; the option device selects another: {', '.join(DEVICES)}",)
     elif named is not None and keeps_aspect:
         notes = (f"quilt: its name has no aspect; views of a mesh get {layout.aspect:.4g}, others keep their own",)
     return Quilt(
@@ -106,7 +106,7 @@ def resolve_quilt(
 
 
 def _find_by_name(named: QuiltName | None) -> Device:
-    """The first device whose quilts have the layout in this name, else the default one."""
+    """Returns the first device whose quilts have the layout in this name, or else the default one."""
     for device in DEVICES.values():
         if named is not None and named.complete(device.layout.aspect).suffix == device.layout.suffix:
             return device
@@ -114,6 +114,6 @@ def _find_by_name(named: QuiltName | None) -> Device:
 
 
 def _fit_tile(device: Device, layout: QuiltLayout) -> tuple[int, int]:
-    """Height and width of views of square pixels in a quilt that is no larger than the device's."""
+    """Returns the height and width of views with square pixels in a quilt that is no larger than the device's."""
     height = min(device.height // layout.rows, int(device.width // layout.cols / layout.aspect))
     return max(1, height), max(1, round(height * layout.aspect))

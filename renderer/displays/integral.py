@@ -23,37 +23,37 @@ Stripes = Literal["rgb", "bgr", "none"]
 INCH = 25.4
 """Millimetres."""
 ROUNDING = 1e-3
-"""Of a lens that may be missing where a whole number of them fits: lengths are written with few digits."""
+"""Share of a lens that may be missing where a whole number of them fits: lengths are written with few digits."""
 
 
 @dataclass(frozen=True)
 class IntegralDisplay:
-    """A panel in the plane z = -gap and lenses in the plane z = 0, seen from z > 0; all lengths in millimetres.
+    """A panel in the plane z = -gap and lenses in the plane z = 0, seen from z > 0; all lengths are in millimetres.
 
     x grows to the right and y upwards as the viewer sees them, from the panel's centre. A lens sends the light of a
     pixel behind it along the line from that pixel through its centre.
     """
 
     width: int
-    """Pixels of the panel."""
+    """Pixels across the panel."""
     height: int
     pixel_pitch: float
-    """Between neighbouring pixels."""
+    """Distance between neighbouring pixels."""
     lens_pitch: float
-    """Between the centres of neighbouring lenses."""
+    """Distance between the centres of neighbouring lenses."""
     gap: float
-    """From the panel to the lenses, in air: thickness / refractive index where there is glass."""
+    """Distance from the panel to the lenses, in air: thickness / refractive index if there is glass."""
     grid: Grid = "square"
-    """hexagonal: rows of lenses `sqrt(3)/2` pitches apart, every second one half a pitch to the right."""
+    """hexagonal: rows of lenses are `sqrt(3)/2` pitches apart, every second one half a pitch to the right."""
     offset: tuple[float, float] = (0.0, 0.0)
     """x and y of the centre of a lens."""
     rotation: float = 0.0
-    """Degrees counterclockwise, of the lens array about that lens."""
+    """Rotation of the lens array about that lens, in degrees counterclockwise."""
     stripes: Stripes = "rgb"
-    """The colours of a pixel's thirds from the left; none: a pixel's colours lie at one place."""
+    """The colours of a pixel's thirds from the left; none: a pixel's colours lie at the same place."""
     distance: float = math.inf
-    """From the lenses to the viewer, for whom each lens shows the pixels around its centre; inf: for a viewer far off,
-    where each pixel belongs to the lens straight before it."""
+    """Distance from the lenses to the viewer, for whom each lens shows the pixels around its centre; inf: for a viewer
+    far away, each pixel belongs to the lens straight in front of it."""
 
     @property
     def size(self) -> tuple[float, float]:
@@ -67,7 +67,7 @@ class IntegralDisplay:
 
     @property
     def tangent_step(self) -> float:
-        """Tangent between neighbouring pixels under a lens."""
+        """Step in tangent between neighbouring pixels under a lens."""
         return self.pixel_pitch / self.gap
 
     @property
@@ -76,21 +76,21 @@ class IntegralDisplay:
         return self.lens_pitch / (2 * self.gap)
 
     def fit_views(self, size: tuple[int, int], pixel_aspect: float) -> tuple[float, float]:
-        """Height and width of a pixel of views of `size`, height and width, that just fit into the panel."""
+        """Returns height and width of a pixel of views of `size`, height and width, that just fit into the panel."""
         height = min(self.size[0] / (size[1] * pixel_aspect), self.size[1] / size[0])
         return height, height * pixel_aspect
 
     def lens_array(self) -> LensArray:
-        """The lenses that fit over the panel, and the directions of the pixels under one, for `framing.frame_scene`."""
+        """Returns the lenses that fit over the panel and the directions of the pixels under one, for `frame_scene`."""
         cols, rows = (max(1, int(side / self.lens_pitch + ROUNDING)) for side in self.size)
         pixels = max(1, round(self.lens_pitch / self.pixel_pitch))
         return LensArray(rows, cols, pixels, pixels, pitch=self.lens_pitch, delta=2 * self.tangent_range / pixels)
 
     def trace_row(self, row: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The lens of each subpixel of `row`, from the top, and the tangents of its line: `(width, 3, 2)` each.
+        """Returns the lens of each subpixel of `row`, from the top, and the tangents of its line: `(width, 3, 2)` each.
 
-        The line of a subpixel goes through its lens's centre `(x, y, 0)` along `(tx, ty, -1)`, away from the viewer;
-        the last axis is x and y, the one before red, green, blue.
+        The line of a subpixel goes through its lens's centre `(x, y, 0)` along `(tx, ty, -1)`, away from the viewer.
+        The last axis is x and y, the one before it red, green, blue.
         """
         thirds = {"rgb": (-1 / 3, 0, 1 / 3), "bgr": (1 / 3, 0, -1 / 3), "none": (0, 0, 0)}[self.stripes]
         pixel = np.empty((self.width, 3, 2))
@@ -100,7 +100,7 @@ class IntegralDisplay:
         return lens, (pixel - lens) / self.gap
 
     def find_lenses(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The centre of the lens that is nearest to each of `points`, `(..., 2)`."""
+        """Returns the centre of the lens that is nearest to each of `points`, `(..., 2)`."""
         angle = math.radians(self.rotation)
         turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
         local = (points - self.offset) @ turn.T  # along the rows of lenses
@@ -117,18 +117,18 @@ class IntegralDisplay:
 
 
 def parse_display(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pixels) -> IntegralDisplay:
-    """The display in a TOML file of three tables, all lengths in millimetres:
+    """Returns the display in a TOML file of three tables, all lengths in millimetres:
 
     - `[panel]`: `pixels = [width, height]`; `pitch`, or `ppi`; `subpixels = "rgb"`, `"bgr"` or `"none"`.
     - `[lenses]`: `pitch`, `gap`; `grid = "square"` or `"hexagonal"`; `offset = [x, y]`; `rotation` in degrees.
     - `[viewer]`: `distance`.
 
-    Raises `Unreadable` where it isn't TOML, `InvalidOption` where an entry is missing, unknown or out of range,
-    `TooLarge` over `max_pixels`.
+    Raises `Unreadable` if it isn't TOML, `InvalidOption` if an entry is missing, unknown or out of range, `TooLarge`
+    over `max_pixels`.
     """
     try:
         found = tomllib.loads(data.decode("utf-8-sig"))
-    except (ValueError, RecursionError) as error:  # no UTF-8, no TOML, or a number of thousands of digits
+    except (ValueError, RecursionError) as error:  # not UTF-8, not TOML, or a number with thousands of digits
         why = f" ({clean_text(str(error))[:100]})" if isinstance(error, tomllib.TOMLDecodeError) else ""
         remedy = "docs/displays.md has a file to begin with"
         if data.lstrip(codecs.BOM_UTF8).lstrip().startswith(b"{"):
@@ -145,7 +145,7 @@ def parse_display(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pi
     if width * height > max_pixels:
         raise TooLarge(f"{name}: a panel of {width:.0f}x{height:.0f} pixels; at most {max_pixels:,} are made", "pixels")
     if panel.has("pitch") == panel.has("ppi"):
-        raise InvalidOption(f"{name}: panel needs pitch (mm) or ppi, one of them; add or remove one")
+        raise InvalidOption(f"{name}: panel needs either pitch (mm) or ppi; add or remove one")
     display = IntegralDisplay(
         width=int(width),
         height=int(height),
@@ -174,11 +174,11 @@ def parse_display(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pi
 
 
 class _Table:
-    """A table of the file, which notes what was read of it."""
+    """A table of the file that records which entries were read."""
 
     def __init__(self, entries: Any, title: str, name: str) -> None:
         if not isinstance(entries, dict):
-            raise InvalidOption(f"{name}: {title} is no table; write [{title}] on a line of its own")
+            raise InvalidOption(f"{name}: {title} is not a table; write [{title}] on a line of its own")
         self._entries, self._title, self._name = entries, title, name
         self._read: set[str] = set()
 

@@ -1,4 +1,4 @@
-"""Views between views, by a plane sweep between each pair of neighbours."""
+"""Interpolates views between others with a plane sweep between each pair of neighbours."""
 
 from __future__ import annotations
 
@@ -14,27 +14,28 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
 
 REACH = 1 / 12
-"""Largest disparity between neighbours that is searched for, as a share of a view's side."""
+"""Largest disparity between neighbours that is searched, as a share of a view's side."""
 MOST_STEPS = 40
-"""Largest disparity that is searched for, pixels."""
+"""Largest disparity that is searched, in pixels."""
 WINDOW = 7
-"""Side of the box over which a disparity is judged, pixels."""
+"""Side of the box over which a disparity is judged, in pixels."""
 FEW = 0.004
 """Share of the pixels below which a disparity counts as an error."""
 MANY, NEAR = 0.02, 4
-"""The same of a disparity over `NEAR` pixels from the next one that is there."""
+"""The same share for a disparity more than `NEAR` pixels from the next one found."""
 STRIP = 32
-"""Rows that are interpolated at a time: they fit into a processor's cache."""
+"""Rows that are interpolated at a time, few enough to fit into a processor's cache."""
 REST = 0.1
-"""What a pixel of disparity costs, in levels of 255: without texture the smallest one wins."""
+"""Cost of a pixel of disparity, in levels of 255: where there is no texture, the smallest disparity wins."""
 
 
 def interpolate_views(views: Pixels, count: int) -> Pixels:
-    """`count` views at equal steps from the first to the last of `views`, `(n, h, w, c)`, whose cameras stand in a row.
+    """Returns `count` views at equal steps from first to last of `views`, `(n, h, w, c)`, whose cameras stand in a
+    row.
 
     Content moves along x from view to view. Between two views each pixel is the blend of the pair of pixels that agree
-    best over a box, of all that a disparity of up to `REACH` could pair (a plane sweep, Collins 1996). Views that
-    are there already are returned as they are.
+    best over a box, among all pairs that a disparity of up to `REACH` allows (a plane sweep, Collins 1996). Existing
+    views are returned as they are.
     """
     total = len(views)
     if total == 1 or count == 1:
@@ -46,7 +47,7 @@ def interpolate_views(views: Pixels, count: int) -> Pixels:
 
     def make(index: int) -> None:
         position = positions[index]
-        left = min(int(position + 1e-9), total - 2)  # a view that is there is not missed by a rounding error
+        left = min(int(position + 1e-9), total - 2)  # so that a rounding error does not miss an existing view
         fraction = position - left
         if min(fraction, 1 - fraction) < 1e-6:
             result[index] = views[left + round(fraction)]
@@ -58,19 +59,19 @@ def interpolate_views(views: Pixels, count: int) -> Pixels:
 
 
 def find_disparities(views: Pixels) -> tuple[int, int]:
-    """The least and the largest disparity, in whole pixels, between the two views in the middle of `(n, h, w, c)`.
+    """Returns the smallest and the largest disparity, in whole pixels, between the two middle views of `(n, h, w, c)`.
 
-    Those of few pixels are left out (`FEW`, `MANY`). Larger is nearer (the HCI benchmark's sense).
+    Disparities of few pixels are ignored (`FEW`, `MANY`). Larger is nearer (the HCI benchmark's sense).
     """
     middle = (len(views) - 1) // 2
     most = max(1, min(MOST_STEPS, round(REACH * views.shape[2])))
     _, found = _interpolate(views[middle], views[middle + 1], 0.5, range(-most, most + 1))
     width = found.shape[1]
-    margin = most if width > 2 * most else 0  # there a view may not show what the other one does
+    margin = most if width > 2 * most else 0  # there one view may not show what the other one does
     inside = found[:, margin : width - margin]
     counts = np.bincount((inside + most).ravel(), minlength=2 * most + 1)
     ends = []
-    for side in (counts[::-1], counts):  # patterns that repeat make errors far from the disparities that are there
+    for side in (counts[::-1], counts):  # repeating patterns cause errors far from the true disparities
         last = int(side.argmax())
         for index in range(last + 1, len(side)):
             if side[index] > (FEW if index - last <= NEAR else MANY) * inside.size:
@@ -82,7 +83,7 @@ def find_disparities(views: Pixels) -> tuple[int, int]:
 def _interpolate(
     left: Pixels, right: Pixels, fraction: float, disparities: range
 ) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
-    """The view at `fraction` of the way from `left` to `right`, `(h, w, c)`, not rounded, and its disparities."""
+    """Returns the view at `fraction` of the way from `left` to `right`, `(h, w, c)`, unrounded, and its disparities."""
     height = left.shape[0]
     result, found = np.empty(left.shape, np.float32), np.empty(left.shape[:2], np.intp)
     for top in range(0, height, STRIP):
@@ -95,7 +96,7 @@ def _interpolate(
 def _interpolate_strip(
     left: Pixels, right: Pixels, fraction: float, disparities: range
 ) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
-    """As `_interpolate`, of rows with `WINDOW // 2` more above and below them."""
+    """Does the same as `_interpolate` for rows with `WINDOW // 2` more above and below them."""
     margin = WINDOW // 2
     width = left.shape[1]
     reach = max(abs(disparities[0]), abs(disparities[-1])) + 1 + margin
@@ -127,7 +128,7 @@ def _interpolate_strip(
 
 
 def _shift(padded: NDArray[np.float32], shift: float, reach: int, width: int) -> NDArray[np.float32]:
-    """As `shift_rows`, of `(c, rows, w + 2 reach)` whose borders are repeated."""
+    """Does the same as `shift_rows` for `(c, rows, w + 2 reach)` whose borders are repeated."""
     low = int(np.floor(shift))
     weight = np.float32(shift - low)
     start = reach + low
@@ -135,7 +136,7 @@ def _shift(padded: NDArray[np.float32], shift: float, reach: int, width: int) ->
 
 
 def _gather(padded: NDArray[np.float32], shift: NDArray[np.float64], reach: int) -> NDArray[np.float32]:
-    """As `_shift`, with a shift for each pixel, `(rows, w)`."""
+    """Does the same as `_shift` with a shift for each pixel, `(rows, w)`."""
     low = np.floor(shift).astype(np.intp)
     weight = (shift - low).astype(np.float32)
     rows = np.arange(shift.shape[0])[:, None]
@@ -145,7 +146,7 @@ def _gather(padded: NDArray[np.float32], shift: NDArray[np.float64], reach: int)
 
 
 def shift_rows(picture: NDArray[np.float32], shift: float) -> NDArray[np.float32]:
-    """The picture `(h, w, c)` with pixel x taken from `x + shift`, linearly; beyond the border its last pixel."""
+    """Returns the picture `(h, w, c)` with pixel x taken from `x + shift`, linearly, with the last pixel repeated."""
     position = np.clip(np.arange(picture.shape[1]) + shift, 0, picture.shape[1] - 1)
     low = position.astype(np.intp)
     high = np.minimum(low + 1, picture.shape[1] - 1)
@@ -155,12 +156,12 @@ def shift_rows(picture: NDArray[np.float32], shift: float) -> NDArray[np.float32
 
 
 def _average_box(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The means over `WINDOW x WINDOW` values that lie inside `(h, w)`."""
+    """Returns the means over all boxes of `WINDOW x WINDOW` values that lie inside `(h, w)`."""
     sums = values.astype(np.float64)
     for _ in range(2):
         twos = sums[:-1] + sums[1:]
         fours = twos[:-2] + twos[2:]
-        sums = (fours[:-3] + twos[4:-1] + sums[6:]).T  # of `WINDOW`
+        sums = (fours[:-3] + twos[4:-1] + sums[6:]).T  # sums of `WINDOW` values
     means: NDArray[np.float32] = (sums / WINDOW**2).astype(np.float32)
     return means
 
@@ -168,7 +169,7 @@ def _average_box(values: NDArray[np.float32]) -> NDArray[np.float32]:
 def weigh_neighbours(
     position: NDArray[np.float64], count: int
 ) -> tuple[tuple[NDArray[np.intp], NDArray[np.float64]], tuple[NDArray[np.intp], NDArray[np.float64]]]:
-    """The two samples around each `position`, of `count`, and their weights; beyond the border the last one."""
+    """Returns the two of `count` samples around each `position`, and their weights; beyond the border, the last one."""
     position = np.clip(position, 0, count - 1)
     low = np.minimum(position.astype(np.intp), max(count - 2, 0))
     weight = position - low

@@ -1,4 +1,4 @@
-"""Native pictures of lenticular displays: which view each subpixel shows, by the display's calibration.
+"""Native pictures of lenticular displays: which view each subpixel shows, according to the display's calibration.
 
 With x and y from 0 to 1, x to the right and y upwards, subpixel i (0 to 2 from the left) shows the view at
 
@@ -49,14 +49,14 @@ class Calibration:
     flips: tuple[bool, bool] = (False, False)
     """flipImageX and flipImageY: whether the content is mirrored along x, and along y."""
     stripes: Stripes = "rgb"
-    """subpixels, else flipSubp: the colours of a pixel's thirds from the left; none: they lie at one place."""
+    """subpixels, or else flipSubp: the colours of a pixel's thirds from the left; none: they lie at the same place."""
     cone: float = 40.0
     """viewCone: degrees between the outermost views."""
     notes: tuple[str, ...] = ()
 
     @property
     def directions(self) -> float:
-        """How many places of views lie under a lens."""
+        """Number of view places under a lens."""
         return (1 if self.stripes == "none" else 3) * self.width / self.pitch
 
     @property
@@ -65,12 +65,14 @@ class Calibration:
         return self.width / self.height
 
     def content_positions(self, row: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """x and y, 0 to 1, in the views, of the pixels of `row`, counted from the top: two of `(width,)`."""
+        """Returns x and y, 0 to 1, in the views for the pixels of `row`, counted from the top: `(width,)` each."""
         x, y = self._positions(row)
         return (1 - x if self.flips[0] else x), np.full(self.width, 1 - y if self.flips[1] else y)
 
     def view_places(self, row: int) -> NDArray[np.float64]:
-        """The place of the view, 0 (leftmost camera) to 1, that red, green and blue of a pixel show: `(width, 3)`."""
+        """Returns the place of the view, 0 (leftmost camera) to 1, that a pixel's red, green and blue show:
+        `(width, 3)`.
+        """
         x, y = self._positions(row)
         subpixel = np.array({"rgb": (0, 1, 2), "bgr": (2, 1, 0), "none": (0, 0, 0)}[self.stripes])
         places = (x[:, None] + subpixel / (3 * self.width) + y * self.tilt) * self.pitch - self.center
@@ -82,23 +84,25 @@ class Calibration:
 
 
 def parse_calibration(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pixels) -> Calibration:
-    """The calibration in a JSON file, `{"pitch": {"value": 49.9}, ...}` or with plain numbers, as displays hold it,
-    perhaps as the entry `calibration` of an object. An entry `"subpixels"`, which displays don't hold, is `"rgb"`,
-    `"bgr"` or, for prints, `"none"`, in place of `flipSubp`.
+    """Returns the calibration in a JSON file, `{"pitch": {"value": 49.9}, ...}` as displays store it, or with plain
+    numbers.
 
-    Raises `Unreadable` where a number is missing or out of range, `TooLarge` over `max_pixels`.
+    It may also be the entry `calibration` of an object. An entry `"subpixels"`, which displays don't store, is `"rgb"`,
+    `"bgr"` or, for prints, `"none"`, and replaces `flipSubp`.
+
+    Raises `Unreadable` if a number is missing or out of range, `TooLarge` over `max_pixels`.
     """
     try:
         found = json.loads(data)
     except (ValueError, RecursionError) as error:
-        remedy = "give the calibration that the display holds (visual.json)"
+        remedy = "give the calibration that the display stores (visual.json)"
         if b"[panel]" in data:
             remedy = "this describes a panel under lenses; give it as the option display"
         raise Unreadable(f"{name}: not JSON; {remedy}") from error
     if isinstance(found, dict) and isinstance(found.get("calibration"), dict):
         found = found["calibration"]
     if not isinstance(found, dict):
-        raise Unreadable(f"{name}: no calibration; give the JSON that the display holds (visual.json)")
+        raise Unreadable(f"{name}: no calibration; give the JSON that the display stores (visual.json)")
     width, height, dpi = (_read(found, key, name, (1, 1e5)) for key in ("screenW", "screenH", "DPI"))
     slope = _read(found, "slope", name, (-1e4, 1e4))
     pitch = _read(found, "pitch", name, (1e-3, 1e4))
@@ -110,7 +114,7 @@ def parse_calibration(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMIT
         )
     mirrored = _is_set(found, "flipImageX", name)
     pattern = _read(found, "CellPatternMode", name, (0, 100), 0.0)
-    notes = ("the display's subpixels form a pattern: they are taken as stripes of red, green and blue",)
+    notes = ("the display's subpixels form a pattern: they are treated as stripes of red, green and blue",)
     return Calibration(
         width=int(width),
         height=int(height),
@@ -133,7 +137,9 @@ def _read(found: dict[str, Any], key: str, name: str, span: tuple[float, float],
         return float(value)
     found_text = clean_text(str(value))[:40]
     what = "missing" if value is None else f"the text {found_text!r}" if isinstance(value, str) else found_text
-    raise Unreadable(f"{name}: {key} is {what}; give a number from {span[0]:g} to {span[1]:g}, as the display holds it")
+    raise Unreadable(
+        f"{name}: {key} is {what}; give a number from {span[0]:g} to {span[1]:g}, as the display stores it"
+    )
 
 
 def _is_set(found: dict[str, Any], key: str, name: str) -> bool:
@@ -149,12 +155,12 @@ def _read_stripes(found: dict[str, Any], name: str) -> Stripes:
 
 
 def interlace(views: Pixels, calibration: Calibration, *, progress: Progress = ignore_progress) -> Pixels:
-    """The native picture `(height, width, 3)` of views `(n, h, w, c)`, grey or RGB, from the leftmost camera on.
+    """Returns the native picture `(height, width, 3)` of views `(n, h, w, c)`, grey or RGB, from the leftmost on.
 
     Each subpixel is sampled bilinearly in the two views around its place, and the two are blended: the place is a
     direction between two cameras, and the blend is the light field there as far as views and pixels show it. The
-    nearest view would be up to half a step of the cameras off, which shows as steps at slanted edges. Views are
-    taken to cover `calibration.cone` and the whole screen.
+    nearest view would be up to half a step of the cameras off, which shows as steps at slanted edges. Views are assumed
+    to cover `calibration.cone` and the whole screen.
     """
     count, height, width, channels = views.shape
     native = np.empty((calibration.height, calibration.width, 3), views.dtype)
@@ -163,7 +169,7 @@ def interlace(views: Pixels, calibration: Calibration, *, progress: Progress = i
     def make(row: int) -> None:
         x, y = calibration.content_positions(row)
         place = calibration.view_places(row) * (count - 1)  # (screen width, 3)
-        lines = np.zeros((count, width, channels), np.float32)  # all of a screen's row is at one height of the views
+        lines = np.zeros((count, width, channels), np.float32)  # a row of the screen is at one height of the views
         for top, of_row in weigh_neighbours((1 - y[:1]) * height - 0.5, height):
             lines += views[:, top[0]] * np.float32(of_row[0])
         total = np.zeros(place.shape, np.float32)

@@ -1,4 +1,4 @@
-"""Views of a light field for a display: opaque, in the order of cameras, as many and of the shape that it shows."""
+"""Prepares a light field's views for a display: opaque, in camera order, in the number and shape that it shows."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from ciir.renderer.views import DepthSense
 
 LEAST_MISFIT = 0.01
-"""Share by which aspects differ where a note says so."""
+"""Share by which aspects must differ for a note."""
 
 
 def order_as_cameras(light_field: LightField) -> Pixels:
-    """All views, `(V, U, h, w, c)` with 1 or 3 channels, v from the uppermost camera and u from the leftmost.
+    """Returns all views, `(V, U, h, w, c)` with 1 or 3 channels, v from the uppermost camera and u from the leftmost.
 
-    A pixel further to the right under a lens sees further to the right, as a camera further to the left does: views of
-    a lens array are taken in the opposite order. Views with alpha are laid over black.
+    A pixel further to the right under a lens sees further to the right, as a camera further to the left does, so views
+    of a lens array are taken in the opposite order. Views with alpha are placed on a black background.
     """
     views = light_field.views if light_field.depth_sense == "cameras" else light_field.views[::-1, ::-1]
     if views.shape[4] in (1, 3):
@@ -41,14 +41,16 @@ def order_as_cameras(light_field: LightField) -> Pixels:
 
 
 def find_row(rows: int, depth_sense: DepthSense) -> int:
-    """The row of `rows` that lenticular displays show: the middle one, or the upper one of two as cameras see them."""
+    """Returns the row of `rows` that lenticular displays show: the middle one, or the upper of the two middle ones as
+    cameras see them.
+    """
     return (rows - 1) // 2 if depth_sense == "cameras" else rows // 2
 
 
 def take_row(cameras: Pixels, count: int, *, disparity: float = 0.0) -> tuple[Pixels, tuple[str, ...]]:
-    """`count` views, `(count, h, w, c)`, of the middle row of `cameras`, from the leftmost on; and notes.
+    """Returns `count` views, `(count, h, w, c)`, of the middle row of `cameras`, from the leftmost on, and notes.
 
-    `disparity`: what moves by as many pixels to the left from one camera to the next stays in its place.
+    `disparity`: content that moves by this many pixels to the left from one camera to the next stays in its place.
     """
     row = cameras[(cameras.shape[0] - 1) // 2]
     total = len(row)
@@ -69,7 +71,8 @@ def take_row(cameras: Pixels, count: int, *, disparity: float = 0.0) -> tuple[Pi
 
 
 def pad_to_aspect(views: Pixels, own: float, aspect: float) -> tuple[Pixels, tuple[str, ...]]:
-    """The views, `(n, h, w, c)`, with black borders at two sides, so that their aspect is `aspect`; and a note.
+    """Returns the views, `(n, h, w, c)`, with black borders at two sides that make their aspect `aspect`; and a
+    note.
 
     `own`: the aspect, width / height, that they are shown with; pixels need not be square.
     """
@@ -92,10 +95,10 @@ def make_quilt(
     disparity: float = 0.0,
     max_pixels: int,
 ) -> tuple[Pixels, QuiltLayout, tuple[str, ...]]:
-    """The quilt `(height, width, 1 or 3)` of a light field's views, its layout, and notes.
+    """Returns the quilt `(height, width, 1 or 3)` of a light field's views, its layout, and notes.
 
-    `own_aspect`: width / height that views are shown with. With `keeps_aspect` it becomes the layout's, else the views
-    get borders. `disparity`: as in `take_row`. `max_pixels`: most pixels of the quilt.
+    `own_aspect`: the width / height that views are shown with. With `keeps_aspect` it becomes the layout's aspect,
+    otherwise the views get borders. `disparity`: as in `take_row`. `max_pixels`: most pixels of the quilt.
     """
     cameras, reduced = fit_pixels(order_as_cameras(light_field), layout.count, max_pixels)
     row, notes = take_row(cameras, layout.count, disparity=disparity)
@@ -111,8 +114,8 @@ def make_quilt(
 
 
 def reduce_views(views: Pixels, cell: tuple[int, int]) -> Pixels:
-    """The means over cells of `cell` pixels, rows and columns, of `(..., h, w, c)`; rows and columns beyond whole ones
-    are cut off, at all sides alike.
+    """Returns the means over cells of `cell` pixels, rows and columns, of `(..., h, w, c)`; rows and columns that fill
+    no whole cell are cut off equally at both sides.
     """
     *grid, height, width, channels = views.shape
     high, wide = cell
@@ -120,18 +123,22 @@ def reduce_views(views: Pixels, cell: tuple[int, int]) -> Pixels:
     top, left = (height - rows * high) // 2, (width - cols * wide) // 2
     cells = views[..., top : top + rows * high, left : left + cols * wide, :]
     reduced: Pixels = np.empty((*grid, rows, cols, channels), views.dtype)
-    for index in np.ndindex(*grid):  # a view at a time: their means are floating-point
+    for index in np.ndindex(*grid):  # one view at a time, because the means are floating-point
         reduced[index] = np.rint(cells[index].reshape(rows, high, cols, wide, channels).mean(axis=(1, 3)))
     return reduced
 
 
 def find_reduction(size: tuple[int, int], count: int, most: int) -> int:
-    """The least whole factor that reduces `count` views of `size`, height and width, to at most `most` pixels."""
+    """Returns the smallest whole factor that reduces `count` views of `size` (height, width) to at most `most`
+    pixels.
+    """
     return max(1, math.ceil(math.sqrt(count * size[0] * size[1] / most)))
 
 
 def fit_pixels(views: Pixels, count: int, most: int) -> tuple[Pixels, tuple[str, ...]]:
-    """The views, reduced by a whole factor where `count` of their size would exceed `most` pixels; and a note then."""
+    """Returns the views, reduced by a whole factor if `count` of that size would exceed `most` pixels; and then a
+    note.
+    """
     height, width = views.shape[-3:-1]
     factor = find_reduction((height, width), count, most)
     if factor == 1:

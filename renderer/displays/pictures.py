@@ -1,4 +1,4 @@
-"""Which display a picture is for, and the picture of a light field for it."""
+"""Selects the display that a picture is for, and makes its picture of a light field."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ USES: dict[Kind, tuple[str, ...]] = {
     "lenticular": ("calibration", "disparity"),
     "panel": ("display", "conversion", "disparity"),
 }
-"""Kinds of pictures for displays, and the names of the `WriterOptions` that each takes."""
+"""Kinds of pictures for displays, and the names of the `WriterOptions` that each uses."""
 NATIVE_VIEWS = 48
-"""Views that a light field with fewer gets for a native picture."""
-BLACK = "alpha: the views are laid over black"
-"""A note on views that are not opaque."""
+"""Number of views that a light field with fewer is given for a native picture."""
+BLACK = "alpha: the views are placed on a black background"
+"""The note on views that are not opaque."""
 
 
 @dataclass(frozen=True)
@@ -56,13 +56,13 @@ class DisplayPicture:
     """`(height, width, 1 or 3)`."""
     notes: tuple[str, ...]
     layout: QuiltLayout | None = None
-    """Of a quilt."""
+    """The layout of a quilt."""
     ppi: float | None = None
-    """Pixels per inch, where they are known; a quilt's are not."""
+    """Pixels per inch, if known; a quilt's are not."""
 
 
 def find_kind(options: WriterOptions) -> Kind:
-    """The kind of picture that the options are for."""
+    """Returns the kind of picture that the options are for."""
     return "panel" if options.display else "lenticular" if options.calibration else "quilt"
 
 
@@ -73,9 +73,10 @@ def find_target(
     named: QuiltName | None = None,
     max_pixels: int = DEFAULT_LIMITS.pixels,
 ) -> Target:
-    """The display that `options` describe. `named`: the layout in a quilt's name, by default that in `options`.
+    """Returns the display that `options` describe. `named`: the layout in a quilt's name, by default that in `options`.
 
-    Raises `InvalidOption` where the description is missing or wrong, and as `parse_calibration` and `parse_display`.
+    Raises `InvalidOption` if the description is missing or wrong, and the errors of `parse_calibration` and
+    `parse_display`.
     """
     if kind == "quilt":
         grid = parse_grid(options.quilt) if options.quilt else None
@@ -83,7 +84,7 @@ def find_target(
         return resolve_quilt(named=named, device=options.device or None, grid=grid, aspect=options.aspect)
     if kind == "lenticular":
         if not options.calibration:
-            raise InvalidOption("calibration: a lenticular picture needs it; give the JSON file that the display holds")
+            raise InvalidOption("calibration: a lenticular picture needs it; give the JSON file that a display stores")
         return parse_calibration(options.calibration.encode(), name="calibration", max_pixels=max_pixels)
     if options.conversion not in get_args(Conversion):
         raise InvalidOption(
@@ -97,9 +98,9 @@ def find_target(
 def find_size(
     target: Target, views: tuple[int, int] | None = None, max_pixels: int = DEFAULT_LIMITS.pixels
 ) -> tuple[int, int]:
-    """Height and width of the picture for `target`; of a quilt without the borders that views may get.
+    """Returns the height and width of the picture for `target`; for a quilt, without the borders that views may get.
 
-    `views`: height and width of a light field's; None for a mesh's. `max_pixels`: as in `show_light_field`.
+    `views`: height and width of a light field's views; None for a mesh's. `max_pixels`: as in `show_light_field`.
     """
     if not isinstance(target, Quilt):
         return target.height, target.width
@@ -116,10 +117,11 @@ def show_light_field(
     max_pixels: int = DEFAULT_LIMITS.pixels,
     progress: Progress = ignore_progress,
 ) -> DisplayPicture:
-    """The picture of a light field for `target`, with notes.
+    """Returns the picture of a light field for `target`, with notes.
 
-    `max_pixels`: most pixels of a quilt, whose views are made smaller where they exceed it. Levels of a camera with
-    fewer than 16 bits are raised (`ciir.bit_depth`), by what no view uses that is shown: displays show the whole range.
+    `max_pixels`: most pixels of a quilt, whose views are made smaller if they exceed it. Levels of a camera with fewer
+    than 16 bits are raised (`ciir.bit_depth`) by the bits that no shown view uses, because displays show the whole
+    range.
     """
     if not isinstance(target, IntegralDisplay):
         shown = find_row(light_field.views.shape[0], light_field.depth_sense)
@@ -129,7 +131,7 @@ def show_light_field(
         light_field = replace(light_field, views=raise_levels(light_field.views, unused))
     height, width = light_field.views.shape[2:4]
     pixel_aspect, disparity = light_field.pixel_aspect, options.disparity
-    own = round(width / height * pixel_aspect, 12)  # of a quilt the aspect that was read, to the last digit
+    own = round(width / height * pixel_aspect, 12)  # gives a quilt the aspect that was read, to the last digit
     first_notes = *note_raising("display", unused), *((BLACK,) if light_field.is_transparent() else ())
     if isinstance(target, Quilt):
         quilt, layout, notes = make_quilt(

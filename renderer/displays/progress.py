@@ -1,4 +1,4 @@
-"""How pictures for displays are made in several threads, and report what is done."""
+"""Makes pictures for displays in several threads and reports progress."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from concurrent.futures import ThreadPoolExecutor
 from ciir.cores import count_available_cores
 
 Progress = Callable[[int, int], object]
-"""Called with the number of rows or views that are finished and of all."""
+"""Called with the number of rows or views that are finished and the total number."""
 
 MOST_THREADS = 4
-"""Each holds tens of megabytes."""
+"""Most threads; each holds tens of megabytes."""
 
 
 def ignore_progress(done: int, total: int) -> None:

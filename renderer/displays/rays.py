@@ -1,4 +1,4 @@
-"""Colours along any rays of a scene, by Embree."""
+"""Casts arbitrary rays through a scene with Embree and returns their colours."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class RayCaster:
         background: tuple[int, int, int] = (0, 0, 0),
         watch: Callable[[NDArray[np.uint8]], None] | None = None,
     ) -> None:
-        """`background`: RGB, 0 to 255, of rays that meet nothing. `watch` gets the colours of one in `WATCHED` rays,
-        `(n, 4)`, RGBA over the background, whose alpha is what the scene covers, in any order and thread.
+        """`background`: RGB, 0 to 255, of rays that hit nothing. `watch` gets the colours of one in `WATCHED` rays,
+        `(n, 4)`, RGBA over the background, whose alpha is the share that the scene covers, in any order and thread.
         """
         self._watch = watch
         self._prepared = PreparedScene(scene)
@@ -38,13 +38,13 @@ class RayCaster:
         """z of the scene's nearest point."""
 
     def notes(self) -> tuple[str, ...]:
-        """Notes on what rays so far have left out."""
+        """Returns notes on what rays so far have left out."""
         return (PASSED,) if self._prepared.passed else ()
 
     def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float32]:
-        """The colour of each ray, `(n, 3)` RGB, 0 to 255, not rounded.
+        """Returns the colour of each ray, `(n, 3)` RGB, 0 to 255, not rounded.
 
-        `origins`, `directions`: `(n, 3)`. A ray begins before all of the scene.
+        `origins`, `directions`: `(n, 3)`. Rays begin in front of the whole scene.
         """
         colors = np.empty((len(origins), 3), np.float32)
         for start in range(0, len(origins), RAYS_PER_BATCH):
@@ -57,7 +57,8 @@ class RayCaster:
         return colors
 
     def cast_lines(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float32]:
-        """The colour of the first surface on each line, for a viewer before the scene: `cast` from beyond its front.
+        """Returns the colour of the first surface on each line, for a viewer in front of the scene: `cast` from beyond
+        its front.
 
         `points`: `(n, 3)`, on the lines; `directions`: `(n, 3)`, away from the viewer, `z < 0`.
         """

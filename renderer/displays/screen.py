@@ -1,4 +1,4 @@
-"""A lenticular display as cameras see it: side by side, each looking straight ahead at one rectangle."""
+"""A lenticular display as seen by cameras side by side, each looking straight ahead at the same rectangle."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ FIELD_OF_VIEW = 14.0
 """Degrees from the screen's lower to its upper edge as a camera sees it, as Looking Glass' own software assumes."""
 MAX_CONE = 120.0
 BAND = 1 << 16
-"""Rays of the rows of a view that are cast together."""
+"""Most rays in the rows of a view that are cast together."""
 
 
 @dataclass(frozen=True)
 class Screen:
     """A rectangle in the plane z = 0, around the origin, of height 1 and width `aspect`, seen from z > 0.
 
-    Cameras stand on the line `(d tan(angle), 0, d)`, `angle` from `-cone/2` (leftmost) to `cone/2`, at the distance
-    d from which the screen's height fills `FIELD_OF_VIEW`. They are shifted, not toed in: each camera's frustum is
-    sheared so that its picture is this rectangle. What lies in the plane z = 0 is at the same place in all views.
+    Cameras stand on the line `(d tan(angle), 0, d)`, `angle` from `-cone/2` (leftmost) to `cone/2`, at the distance d
+    from which the screen's height fills `FIELD_OF_VIEW`. They are shifted, not toed in: each camera's frustum is
+    sheared so that its picture is this rectangle. Content in the plane z = 0 is at the same place in all views.
 
-    Raises `InvalidOption` where `cone` is out of range.
+    Raises `InvalidOption` if `cone` is out of range.
     """
 
     aspect: float
@@ -47,27 +47,28 @@ class Screen:
 
     @property
     def distance(self) -> float:
-        """From the screen to the cameras, in heights of the screen."""
+        """Distance from the screen to the cameras, in heights of the screen."""
         return float(0.5 / np.tan(np.radians(FIELD_OF_VIEW / 2)))
 
     def lens_array(self) -> LensArray:
-        """A lens array of the screen's size whose views cover its cameras' directions, for `framing.frame_scene`."""
+        """Returns a lens array of the screen's size whose views cover its cameras' directions, for `frame_scene`."""
         across, up = np.tan(np.radians(self.cone) / 2), np.tan(np.radians(FIELD_OF_VIEW) / 2)
         step = float(across) / 100
         pixels_v = 2 * int(np.ceil(up / step)) + 1
         return LensArray(1000, round(1000 * self.aspect), pixels_v, 201, pitch=1e-3, delta=step)
 
     def camera_x(self, place: NDArray[np.float64]) -> NDArray[np.float64]:
-        """x of cameras at `place`, of any shape, 0 for the leftmost and 1 for the rightmost."""
+        """Returns x of the cameras at `place`, of any shape, 0 for the leftmost and 1 for the rightmost."""
         x: NDArray[np.float64] = self.distance * np.tan(np.radians(self.cone) * (place - 0.5))
         return x
 
     def cast(
         self, caster: RayCaster, x: NDArray[np.float64], y: NDArray[np.float64], place: NDArray[np.float64]
     ) -> NDArray[np.float32]:
-        """Colours `(n, 3)`, 0 to 255, of points of the screen as cameras at `place` see them.
+        """Returns the colours `(n, 3)`, 0 to 255, of points of the screen as cameras at `place` see them.
 
-        `x`, `y`: `(n,)`, 0 at the left and at the bottom, 1 at the right and at the top; `place`: `(n,)` as `camera_x`.
+        `x`, `y`: `(n,)`, 0 at the left and at the bottom, 1 at the right and at the top; `place`: `(n,)`, as in
+        `camera_x`.
         """
         points = np.stack([(x - 0.5) * self.aspect, y - 0.5, np.zeros_like(x)], axis=1)
         cameras = np.stack([self.camera_x(place), np.zeros_like(x), np.full_like(x, self.distance)], axis=1)
@@ -82,10 +83,11 @@ class Screen:
         samples: int = 1,
         progress: Progress = ignore_progress,
     ) -> NDArray[np.uint8]:
-        """`count` views, `(count, height, width, 3)`, from the leftmost camera on; cameras at equal steps of the angle.
+        """Returns `count` views, `(count, height, width, 3)`, from the leftmost camera on, with cameras at equal steps
+        of the angle.
 
-        `size`: height and width, pixels, square or not. `samples`: rays along each side of a pixel, whose colour is
-        their mean. Raises `InvalidOption` where `samples` is out of range.
+        `size`: height and width in pixels, which may be square or not. `samples`: rays along each side of a pixel,
+        whose colour is their mean. Raises `InvalidOption` if `samples` is out of range.
         """
         check_samples(samples)
         height, width = size
@@ -110,7 +112,7 @@ class Screen:
     def render_native(
         self, caster: RayCaster, calibration: Calibration, *, progress: Progress = ignore_progress
     ) -> NDArray[np.uint8]:
-        """The native picture `(height, width, 3)` for `calibration`, each subpixel by a ray from its own camera."""
+        """Returns the native picture `(height, width, 3)` for `calibration`, each subpixel cast from its own camera."""
         native = np.empty((calibration.height, calibration.width, 3), np.uint8)
 
         def make(row: int) -> None:
@@ -124,5 +126,5 @@ class Screen:
 
 
 def place_views(count: int) -> NDArray[np.float64]:
-    """The places of `count` cameras, 0 to 1, as `Screen.camera_x` takes them; a single camera stands in the middle."""
+    """Returns the places of `count` cameras, 0 to 1, for `Screen.camera_x`; a single camera stands in the middle."""
     return np.linspace(0, 1, count) if count > 1 else np.array([0.5])

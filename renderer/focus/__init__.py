@@ -1,1 +1,1 @@
-"""Depth planes, pictures that are in focus everywhere, and disparity maps of a light field."""
+"""Depth planes, pictures in focus everywhere, and disparity maps of a light field."""

@@ -1,4 +1,4 @@
-"""A view made of all others: each pixel from the plane of its own disparity."""
+"""Makes a view from all the others: each pixel comes from the plane of its own disparity."""
 
 from __future__ import annotations
 
@@ -21,28 +21,30 @@ if TYPE_CHECKING:
 
 
 MARGIN = 0.25
-"""How much more than noise does two views may differ, as a share of it. Measured with noise of 10 and 20 levels: higher
-lets views of wrong disparities count, lower gains nothing where disparities are right."""
+"""How much more two views may differ than by noise alone, as a share of the noise. Measured with noise of 10 and 20
+levels: a higher value lets views of wrong disparities count, a lower one gains nothing where disparities are right."""
 
 
 def focus_everywhere(views: NDArray[Any], found: DisparityMap, weights: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The view of `found`, `(H, W, C)`, in the units of `views`, `(V, U, H, W, C)`: sharp everywhere, with less noise.
+    """Returns the view of `found`, `(H, W, C)`, in the units of `views`, `(V, U, H, W, C)`: sharp everywhere, with less
+    noise.
 
-    The mean of all views with their `weights`, `(V, U)`, at each pixel's disparity. A view counts less where it differs
-    from the view itself in the 3x3 pixels around: it sees something in front there, or the disparity is wrong.
+    It is the mean of all views with their `weights`, `(V, U)`, at each pixel's disparity. A view counts less where it
+    differs from the view itself in the surrounding 3x3 pixels, because it sees something in front there or the
+    disparity is wrong.
 
-    Raises `InvalidOption` for a disparity of other pixels than the views'.
+    Raises `InvalidOption` for a disparity map of another size than the views.
     """
     if found.disparity.shape != views.shape[2:4]:
         given, wanted = ("x".join(map(str, shape)) for shape in (found.disparity.shape, views.shape[2:4]))
-        raise InvalidOption(f"disparity: {given} pixels are not those of the views, {wanted}; give that of one of them")
+        raise InvalidOption(f"disparity: {given} pixels, but the views have {wanted}; give the disparity of one view")
     own = views[found.view].astype(np.float32)
-    noise = 2 * estimate_noise(views[found.view]) ** 2  # of a difference, squared
+    noise = 2 * estimate_noise(views[found.view]) ** 2  # squared, for a difference
     level = np.iinfo(views.dtype).max / 255 / 2 ** count_unused_bits(views)
     tolerance = (DIFFERENCE * level) ** 2 + MARGIN * noise
 
     def add_row(v: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """The sum of a row of views and of their shares, `(H, W, C)` and `(H, W)`."""
+        """Returns the sum of a row of views and that of their shares, `(H, W, C)` and `(H, W)`."""
         total, count = np.zeros_like(own), np.zeros(own.shape[:2], np.float32)
         for u in np.flatnonzero(weights[v]):
             down, across = v - found.view[0], int(u) - found.view[1]
@@ -63,7 +65,9 @@ def focus_everywhere(views: NDArray[Any], found: DisparityMap, weights: NDArray[
 def _sample(
     view: NDArray[Any], up: NDArray[np.float32], left: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """`view` at `up` and `left` of each pixel, by Keys's kernel, `(H, W, C)`, and whether that is inside, `(H, W)`."""
+    """Returns `view` sampled `up` and `left` of each pixel by Keys's kernel, `(H, W, C)`, and whether that is inside,
+    `(H, W)`.
+    """
     height, width, channels = view.shape
     rows, cols = np.arange(height)[:, np.newaxis] - up, np.arange(width) - left
     is_inside = (rows >= 0) & (rows <= height - 1) & (cols >= 0) & (cols <= width - 1)

@@ -1,4 +1,4 @@
-"""Apertures: which views a plane is made of, and how much each counts."""
+"""Apertures: the views that a plane is made from, and how much each of them counts."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ Shape = Literal["disc", "square", "gauss"]
 
 
 def make_aperture(grid: tuple[int, ...], radius: float, shape: Shape = "disc") -> NDArray[np.float32]:
-    """Weights `(V, U)` of the views around the middle of the grid.
+    """Returns the weights `(V, U)` of the views around the middle of the grid.
 
-    `disc` and `square`: 1 inside, half at `radius` views from the middle. `gauss`: all views, by
+    `disc` and `square`: 1 inside, half at `radius` views from the middle. `gauss`: all views, weighted by
     `exp(-2 * (distance / radius)**2)`, as the radius of a beam is defined (ISO 11146).
 
-    Raises `InvalidOption` where no view counts.
+    Raises `InvalidOption` if no view counts.
     """
     v, u = (np.arange(count)[:, np.newaxis] - (count - 1) / 2 for count in grid)
     distance = np.maximum(np.abs(v), np.abs(u.T)) if shape == "square" else np.hypot(v, u.T)
@@ -37,9 +37,9 @@ def make_aperture(grid: tuple[int, ...], radius: float, shape: Shape = "disc") -
 def read_aperture(
     aperture: float | NDArray[Any] | None, grid: tuple[int, ...], shape: Shape = "disc"
 ) -> NDArray[np.float32]:
-    """The weights of an aperture: a radius in views, weights, or none for all views.
+    """Returns the weights of an aperture given as a radius in views, as weights, or as None for all views.
 
-    Raises `InvalidOption` as `make_aperture` and `check_weights`, for an unknown shape, and for anything else.
+    Raises `InvalidOption` if `make_aperture` or `check_weights` does, for an unknown shape, and for anything else.
     """
     if shape not in get_args(Shape):
         raise InvalidOption(f"shape: {shape!r} is not known; give {', '.join(get_args(Shape))}")
@@ -47,13 +47,14 @@ def read_aperture(
         return check_weights(aperture, grid)
     if not isinstance(aperture, Real) or np.isnan(float(aperture)):
         raise InvalidOption(
-            f"aperture: {str(aperture)[:40]!r} is no number; give a radius in views, as in 1.5, or an array of weights"
+            f"aperture: {str(aperture)[:40]!r} is not a number; give a radius in views, such as 1.5, or an array of "
+            "weights"
         )
     return make_aperture(grid, float(aperture), shape)
 
 
 def check_weights(weights: NDArray[Any] | None, grid: tuple[int, ...]) -> NDArray[np.float32]:
-    """The weights of views, by default all 1.
+    """Returns the weights of views, by default all 1.
 
     Raises `InvalidOption` for weights of another shape than `grid`, below 0, not finite, or all 0.
     """

@@ -1,4 +1,4 @@
-"""The depth of a plane and its disparity, which a lens array or the cameras of an array relate."""
+"""Converts between a plane's depth and its disparity, which a lens array or the cameras of an array relate."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class DepthScale:
-    """Disparity, in pixels a view, of what lies at a depth.
+    """Disparity, in pixels per view, of content at a depth.
 
     Parallel rays (`is_inverse` False): `factor * depth + offset`; cameras: `factor / depth + offset`.
     """
@@ -31,9 +31,9 @@ class DepthScale:
 
     @classmethod
     def of_lenses(cls, array: LensArray, sense: DepthSense = "lenses") -> DepthScale:
-        """In front of a lens array: depths along -z in scene units, `delta * depth / pitch` pixels.
+        """Returns the scale in front of a lens array: depths along -z in scene units, `delta * depth / pitch` pixels.
 
-        `sense`: of the light field; with `cameras` its views are in reverse order.
+        `sense`: the depth sense of the light field; with `cameras` its views are in reverse order.
         """
         check_depth_sense(sense)
         factor = array.delta / array.pitch
@@ -50,14 +50,15 @@ class DepthScale:
         zero: float = np.inf,
         sense: DepthSense = "cameras",
     ) -> DepthScale:
-        """Before a camera array, `columns * focal_length / sensor_width * pitch * (1 / depth - 1 / zero)` pixels.
+        """Returns the scale of a camera array: `columns * focal_length / sensor_width * pitch * (1 / depth - 1 / zero)`
+        pixels.
 
         `pitch`: from camera to camera; depths are in its unit, from the plane of the cameras. `focal_length` and
-        `sensor_width` in one unit; `columns`: pixels across. `zero`: the depth where pictures that were aligned have no
-        disparity (infinity for parallel cameras). `sense`: of the light field; with `lenses` its views are in reverse
-        order.
+        `sensor_width`: in the same unit; `columns`: pixels across. `zero`: the depth at which aligned pictures have no
+        disparity (infinity for parallel cameras). `sense`: the depth sense of the light field; with `lenses` its views
+        are in reverse order.
 
-        Raises `InvalidOption` where one of them is no positive number, and for an unknown depth sense.
+        Raises `InvalidOption` if one of them is not a positive number, and for an unknown depth sense.
         """
         check_depth_sense(sense)
         given = {"pitch": pitch, "focal_length": focal_length, "sensor_width": sensor_width, "columns": columns}
@@ -68,13 +69,13 @@ class DepthScale:
         return cls(factor, is_inverse=True, offset=-factor / zero)
 
     def to_disparity(self, depth: ArrayLike) -> NDArray[np.float64]:
-        """The disparity at `depth`, of any shape."""
+        """Returns the disparity at `depth`, of any shape."""
         depth = np.asarray(depth, np.float64)
         with np.errstate(divide="ignore"):
             return self.factor * (1 / depth if self.is_inverse else depth) + self.offset
 
     def to_depth(self, disparity: ArrayLike) -> NDArray[np.float64]:
-        """The depth of `disparity`, of any shape; infinite, or negative, where cameras see nothing with it."""
+        """Returns the depth of `disparity`, of any shape; infinite, or negative, if cameras see nothing with it."""
         scaled = (np.asarray(disparity, np.float64) - self.offset) / self.factor
         with np.errstate(divide="ignore"):
             return 1 / scaled if self.is_inverse else scaled

@@ -1,7 +1,8 @@
-"""The disparity of every pixel of a view, with its confidence.
+"""Estimates the disparity of every pixel of a view, with its confidence.
 
-A plane sweep compares the view with others around it at each of some disparities; semi-global matching (Hirschmueller,
-PAMI 30, 2008) lets a pixel agree with its neighbours, across edges less; the best three planes give the fraction.
+A plane sweep compares the view with others around it at each of a set of disparities. Semi-global matching
+(Hirschmueller, PAMI 30, 2008) makes a pixel agree with its neighbours, less so across edges, and the best three planes
+give the fraction.
 """
 
 from __future__ import annotations
@@ -34,26 +35,27 @@ if TYPE_CHECKING:
     from ciir.renderer.views import DepthSense, View
 
 STEP = 1.0
-"""Pixels by which the outermost view that is compared moves from one plane to the next."""
+"""Pixels by which the outermost compared view moves from one plane to the next."""
 LEAST_PARTS = 4
-"""Planes to a pixel of disparity, at least."""
+"""Fewest planes per pixel of disparity."""
 LEAST_PLANES, MOST_PLANES = 3, 96
 MOST_COSTS = 2**27
 """Most pixels times planes: each takes 12 bytes."""
 UNNOTICED = 2.5
-"""8-bit levels of noise with which pictures count as clean: fine texture looks like as much."""
+"""8-bit levels of noise up to which pictures count as clean: fine texture looks like that much noise."""
 OUTLINE = 13
-"""Pixels along each side of the window around an outline in which it may be moved."""
+"""Pixels along each side of the window around an outline within which it may be moved."""
 CLEAN_VIEWS = 5
 """Rows, and columns, of views that correct a map of clean ones: 9 take three times as long for no fewer bad pixels."""
 MISMATCH = 0.5
-"""Share of the largest difference that counts from which nothing fits a pixel."""
+"""Share of the largest difference that counts, from which on nothing fits a pixel."""
 MOST_MISMATCHED = 0.4
-"""Share of such pixels without a note: outlines and mirrors have them, and fine texture halfway between two planes."""
+"""Largest share of such pixels without a note: outlines and mirrors have them, and fine texture halfway between two
+planes."""
 MOST_AT_LIMITS = 0.2
-"""Share of pixels at a given limit without a note: a plain background may lie there."""
+"""Largest share of pixels at a given limit without a note: a plain background may lie there."""
 MOVED = 0.3
-"""Pixels a view by which the sides of an outline differ."""
+"""Pixels per view by which the sides of an outline differ."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -64,18 +66,16 @@ class DisparityMap:
     disparity: NDArray[np.float32]
     """`(H, W)`: by how many pixels a point moves to the left from one view to the next on the right.
 
-    With the depth sense `cameras` larger is nearer, as in the HCI benchmark; with `lenses` larger is farther.
-    """
+    With the depth sense `cameras` larger is nearer, as in the HCI benchmark; with `lenses` larger is farther."""
     confidence: NDArray[np.float32]
-    """`(H, W)`, 0 to 1: how much better the best plane fits than the usual one; 0 where there is nothing to compare."""
+    """`(H, W)`, 0 to 1: how much better the best plane fits than the usual one; 0 if there is nothing to compare."""
     planes: NDArray[np.float64]
     """`(n,)`: the disparities that were compared; the fit goes between them."""
     depth_sense: DepthSense
-    """Of the light field."""
+    """Depth sense of the light field."""
     notes: tuple[str, ...] = ()
-    """Where the search for a range of disparities ended, and whether nothing fits much of the view, or much of it lies
-    at given limits.
-    """
+    """Notes that say where the search for a range of disparities ended, and whether nothing fits much of the view, or
+    much of it lies at given limits."""
 
     @property
     def hci(self) -> NDArray[np.float32]:
@@ -92,7 +92,7 @@ class DisparityMap:
         )
 
     def save(self, path: str | PathLike[str], /, format: str | None = None) -> dict[str, Any]:  # noqa: A002
-        """Writes the map, and beside it the confidence, as `ciir.renderer.writers.depth.write_disparity`."""
+        """Writes the map, and the confidence next to it, as `ciir.renderer.writers.depth.write_disparity` does."""
         from ciir.renderer.writers.atomic_write import read_path
         from ciir.renderer.writers.depth import write_disparity
 
@@ -108,19 +108,19 @@ def estimate_disparity(
     extra: Callable[[float], NDArray[np.float32]] | None = None,
     clips: bool = True,
 ) -> DisparityMap:
-    """The disparity of `view`, by default the centre one.
+    """Estimates the disparity of `view`, by default the centre one.
 
-    `limits`: the least and the largest disparity in pixels a view, by default of `find_limits`. `beyond`: how
-    far past the largest the same steps go on, as a share of the range, as long as `MOST_COSTS` allows. `extra`: what a
-    disparity costs each pixel beside what the views say, `(H, W)` in 8-bit levels. `clips`: whether the map lies within
-    `limits`, which the planes may pass by a step.
+    `limits`: the smallest and the largest disparity in pixels per view, by default from `find_limits`. `beyond`: how
+    far the same steps go on past the largest, as a share of the range, as long as `MOST_COSTS` allows. `extra`: what a
+    disparity costs each pixel in addition to the comparison of views, `(H, W)` in 8-bit levels. `clips`: whether the
+    map lies within `limits`, which the planes may exceed by a step.
 
-    Other views then correct the map (`stereo.refinement`), of clean ones by less than a plane. Beyond noise of
-    `UNNOTICED` all of them do, make the view itself almost free of noise, and outlines are looked for again in that, in
-    ten times the time or more.
+    Other views then correct the map (`stereo.refinement`), in the case of clean views by less than a plane. If the
+    noise is beyond `UNNOTICED`, all views correct it and make the view itself almost free of noise. Outlines are then
+    searched again in that view, which takes ten times as long or more.
 
-    Raises `InvalidOption` for a single view, for views of less than `LEAST_SIDE` pixels along a side, a view that is
-    not there, and for limits that are not in order or over the longer side of a view; `TooLarge` for more than
+    Raises `InvalidOption` for a single view, for views of less than `LEAST_SIDE` pixels along a side, for a view that
+    does not exist, and for limits that are not in order or exceed the longer side of a view; `TooLarge` for more than
     `MOST_COSTS` pixels times disparities.
     """
     found = _estimate(_raise_levels(light_field), view, limits, beyond, extra)
@@ -134,7 +134,7 @@ def _estimate(
     beyond: float = 0.0,
     extra: Callable[[float], NDArray[np.float32]] | None = None,
 ) -> DisparityMap:
-    """As `estimate_disparity`, of views that use all bits."""
+    """Does the same as `estimate_disparity` for views that use all bits."""
     views = light_field.views
     height, width = views.shape[2:4]
     check_views(views)
@@ -162,7 +162,7 @@ def _estimate(
     mismatched: list[float] = []
 
     def look(own: NDArray[np.float32] | None = None) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """The map and its confidence; `own`: the view without noise."""
+        """Returns the map and its confidence; `own`: the view without noise."""
         blur, compared = min(noise / 11, 1.0), 4 if noise else 2
         sweep = Sweep(views, view, parts=parts, farthest=farthest, compared=compared, blur=blur, own=own)
         cost = sweep.compare(numbers)
@@ -190,30 +190,35 @@ def _estimate(
         disparity = np.where(np.abs(corrected - disparity) < planes[1] - planes[0], corrected, disparity)
     if mismatched[0] > MOST_MISMATCHED:
         notes.append(
-            f"nothing fits {100 * mismatched[0]:.0f} % of the pixels at disparities of {planes[0]:.2f} to "
-            f"{planes[-1]:.2f}: views in a wrong order, larger disparities (limits), or things that change among views"
+            f"nothing fits {100 * mismatched[0]:.0f} % of the pixels at disparities from {planes[0]:.2f} to "
+            f"{planes[-1]:.2f}: the views may be in a wrong order, disparities may be larger (give limits), or things "
+            "may change between views"
         )
     disparity = disparity.astype(np.float32)
     return DisparityMap(view, disparity, confidence, planes, light_field.depth_sense, tuple(notes))
 
 
 def _find_mismatched(cost: NDArray[np.float32], most_cost: NDArray[np.float32], noise: float) -> float:
-    """The share of pixels that nothing fits. `noise`: of the pictures that were compared, its standard deviation."""
-    by_noise = 2 * 2**0.5 * noise  # of the two terms of a cost, each of differences of two pictures
+    """Returns the share of pixels that nothing fits. `noise`: the standard deviation of the compared pictures'
+    noise.
+    """
+    by_noise = 2 * 2**0.5 * noise  # for the two terms of a cost, each from differences of two pictures
     return float((cost.min(axis=0) > np.hypot(MISMATCH * most_cost, by_noise)).mean())
 
 
 def note_reach(limits: tuple[float, float], size: tuple[int, int]) -> list[str]:
-    """A note where limits that were found end where the search did."""
+    """Returns a note if limits that were found end where the search did."""
     reach = find_reach(size)
     note = (
-        f"disparities are looked for up to {reach:g} pixels a view, and some are as large; give limits to look further"
+        f"disparities are searched up to {reach:g} pixels per view, and some reach that; give limits to search further"
     )
     return [note] if ends_search(limits, size) else []
 
 
 def _find_moved(disparity: NDArray[np.float32], sharper: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """The pixels, `(H, W)`, between the outlines of two maps: those that differ, from an outline of `disparity` on."""
+    """Returns the pixels, `(H, W)`, between the outlines of two maps: those that differ, starting from an outline of
+    `disparity`.
+    """
 
     def find_steps(side: int) -> NDArray[np.bool_]:
         steps = ndimage.maximum_filter(disparity, side) - ndimage.minimum_filter(disparity, side)
@@ -225,7 +230,7 @@ def _find_moved(disparity: NDArray[np.float32], sharper: NDArray[np.float32]) ->
 
 
 def _focus(views: NDArray[Any], found: DisparityMap) -> NDArray[np.float32]:
-    """The view of `found` with less noise, `(C, H, W)` in 8-bit levels."""
+    """Returns the view of `found` with less noise, `(C, H, W)` in 8-bit levels."""
     weights = np.zeros(views.shape[:2], np.float32)
     weights[np.ix_(*select_views(views.shape[:2], found.view))] = 1
     levels: NDArray[np.float32] = read_levels(focus_everywhere(views, found, weights))
@@ -235,9 +240,9 @@ def _focus(views: NDArray[Any], found: DisparityMap) -> NDArray[np.float32]:
 def estimate_disparities(
     light_field: LightField, views: Sequence[View] | None = None, *, limits: tuple[float, float] | None = None
 ) -> Iterator[DisparityMap]:
-    """The disparity of each of `views`, by default of all, row by row: one after the other, as they are made.
+    """Yields the disparity of each of `views`, by default of all, row by row, one at a time as they are made.
 
-    `limits`: as in `estimate_disparity`, and raises as it does.
+    `limits`: as in `estimate_disparity`. Raises the same errors.
     """
     light_field = _raise_levels(light_field)
     notes: list[str] = []
@@ -253,19 +258,19 @@ def estimate_disparities(
 
 
 def _clip(found: DisparityMap, limits: tuple[float, float]) -> DisparityMap:
-    """The map within `limits`, which the planes may pass, with a note where much of it lies at one of them."""
+    """Returns the map within `limits`, which the planes may exceed, with a note if much of it lies at one of them."""
     low, high = limits
     disparity = found.disparity.clip(low, high)
     share = float(((found.disparity <= low) | (found.disparity >= high)).mean())
     note = (
-        f"limits: {100 * share:.0f} % of the pixels lie at {low:g} or {high:g}, where the disparities that were given "
-        "end; give wider limits, if there are others"
+        f"limits: {100 * share:.0f} % of the pixels lie at {low:g} or {high:g}, the ends of the given range; give "
+        "wider limits if there are other disparities"
     )
     return replace(found, disparity=disparity, notes=(*found.notes, *[note] * (share > MOST_AT_LIMITS)))
 
 
 def _raise_levels(light_field: LightField) -> LightField:
-    """The light field, with levels that use all bits where they are of 16."""
+    """Returns the light field with levels that use all bits if they have 16."""
     unused = count_unused_bits(light_field.views)
     return replace(light_field, views=raise_levels(light_field.views, unused)) if unused else light_field
 
@@ -290,12 +295,12 @@ def check_views(views: NDArray[Any]) -> None:
 
 def _read_view(view: Any) -> View:
     if not _is_pair(view):
-        raise InvalidOption(f"view: {view!r} is no view; give its row and column, as in (4, 4)")
+        raise InvalidOption(f"view: {view!r} is not a view; give its row and column, such as (4, 4)")
     return view[0], view[1]
 
 
 def _is_pair(value: Any) -> bool:
-    """Whether it is two numbers; True and False are not numbers here."""
+    """Returns whether `value` is a pair of numbers; True and False are not numbers here."""
     if not isinstance(value, tuple | list | np.ndarray) or len(value) != 2:
         return False
     return all(isinstance(each, Real) and not isinstance(each, bool) for each in value)
@@ -303,18 +308,18 @@ def _is_pair(value: Any) -> bool:
 
 def _check_limits(limits: Any, side: int) -> None:
     if not _is_pair(limits):
-        raise InvalidOption(f"limits: {limits!r} is no range; give two numbers, as in (-1.5, 2)")
+        raise InvalidOption(f"limits: {limits!r} is not a range; give two numbers, such as (-1.5, 2)")
     if not limits[0] < limits[1]:
-        raise InvalidOption(f"limits: {limits[0]:g} to {limits[1]:g} is no range; give the smaller disparity first")
+        raise InvalidOption(f"limits: {limits[0]:g} to {limits[1]:g} is not a range; give the smaller disparity first")
     if max(-limits[0], limits[1]) > side:
         raise InvalidOption(
-            f"limits: {limits[0]:g} to {limits[1]:g} passes the {side} pixels of a view; give disparities of -{side} "
+            f"limits: {limits[0]:g} to {limits[1]:g} exceeds the {side} pixels of a view; give disparities of -{side} "
             f"to {side}"
         )
 
 
 def _list_planes(limits: tuple[float, float], parts: int) -> range:
-    """The planes from one limit to the other, in parts of a pixel: `LEAST_PLANES` to about `MOST_PLANES`."""
-    low, high = floor(round(limits[0] * parts, 9)), ceil(round(limits[1] * parts, 9))  # of 1/49 * 49, too
+    """Returns the planes from one limit to the other, in parts of a pixel: `LEAST_PLANES` to about `MOST_PLANES`."""
+    low, high = floor(round(limits[0] * parts, 9)), ceil(round(limits[1] * parts, 9))  # also for 1/49 * 49
     step = ceil((high - low) / MOST_PLANES)
     return range(low, max(high, low + LEAST_PLANES - 1) + step, step)

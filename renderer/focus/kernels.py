@@ -12,13 +12,14 @@ if TYPE_CHECKING:
 REACH = 3
 """Pixels on each side that `make_sinc_taps` weighs."""
 _BETA = 5.0
-"""Of Kaiser's window. Waves of up to a quarter of a cycle a pixel, shifted by any fraction, are off by 0.25 % (RMS): by
-cubic splines 0.57 %, by Keys's kernel 3.1 %. Less keeps more of fine waves and changes coarse ones more."""
+"""Parameter of Kaiser's window. Waves of up to a quarter of a cycle per pixel, shifted by any fraction, are off by 0.25
+% (RMS), compared with 0.57 % for cubic splines and 3.1 % for Keys's kernel. A smaller value keeps more of fine waves
+and changes coarse ones more."""
 
 
 def make_taps(fraction: NDArray[Any]) -> NDArray[Any]:
-    """Weights of Keys's kernel (IEEE ASSP 29, 1981, equation 15) for a shift by `fraction`, 0 to 1, of a pixel:
-    `(..., 4)` for the offsets -1 to 2.
+    """Returns the weights of Keys's kernel (IEEE ASSP 29, 1981, equation 15) for a shift by `fraction`, 0 to 1, of a
+    pixel: `(..., 4)` for the offsets -1 to 2.
     """
     distance = np.abs(fraction[..., np.newaxis] - np.arange(-1, 3))
     near = (1.5 * distance - 2.5) * distance**2 + 1
@@ -27,8 +28,8 @@ def make_taps(fraction: NDArray[Any]) -> NDArray[Any]:
 
 
 def make_sinc_taps(fraction: NDArray[Any]) -> NDArray[Any]:
-    """Weights of a sinc in Kaiser's window (IEEE ISCAS 1974) for a shift by `fraction`, 0 to 1, of a pixel: `(..., 6)`
-    for the offsets -2 to 3, with the sum 1. A whole shift has one that is not 0.
+    """Returns the weights of a sinc in Kaiser's window (IEEE ISCAS 1974) for a shift by `fraction`, 0 to 1, of a pixel:
+    `(..., 6)` for the offsets -2 to 3, with the sum 1. A whole shift has only one weight that is not 0.
     """
     distance = fraction[..., np.newaxis] - np.arange(1 - REACH, REACH + 1)
     window = np.i0(_BETA * np.sqrt(np.maximum(0, 1 - np.square(distance / REACH))))

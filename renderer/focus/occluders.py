@@ -1,9 +1,10 @@
-"""Depth planes without what stands before them.
+"""Makes depth planes without what stands in front of them.
 
-Along a line of the light field that meets the plane, the views that see the plane agree, and those that see something
-before it differ, from each other too where that is textured. So the plane's colour is the mode of the line, where the
-mean mixes both and the median needs most views to see the plane (Vaish et al., CVPR 2006, compare such measures): the
-pixel that most others agree with, and then the mean with weights that fall with the difference from it.
+Along a line of the light field that meets the plane, the views that see the plane agree. Those that see something in
+front of it differ, also from each other if that is textured. So the plane's colour is the mode of the line, whereas the
+mean mixes both and the median needs most views to see the plane (Vaish et al., CVPR 2006, compare such measures). The
+mode is found as the pixel that most others agree with, and then as the mean with weights that fall with the difference
+from it.
 """
 
 from __future__ import annotations
@@ -32,9 +33,9 @@ if TYPE_CHECKING:
 Occluders = Literal["keep", "remove"]
 
 CANDIDATES = 16
-"""Views whose pixels may be the mode. They lie anywhere in the grid: in a regular pattern a fence might hide all."""
+"""Views whose pixels may be the mode. They lie anywhere in the grid: a fence might hide all of a regular pattern."""
 _BLOCK = 2**21
-"""Samples that are compared at a time: few enough for the processor's cache."""
+"""Samples that are compared at a time, few enough for the processor's cache."""
 
 
 def make_planes(
@@ -44,11 +45,11 @@ def make_planes(
     method: Method,
     occluders: Occluders,
 ) -> Iterator[NDArray[np.float32]]:
-    """As `planes.refocus`; with `remove` what stands before a plane does not count.
+    """Makes the planes of `planes.refocus`; with `remove`, what stands in front of a plane does not count.
 
-    Where fewer views see the plane than see one colour before it, that colour remains. What lies behind the plane is
-    patchy rather than blurred. Raises `InvalidOption` as
-    `planes.refocus`, for unknown `occluders`, and for `remove` with another method than `mapping`.
+    If fewer views see the plane than see one colour in front of it, that colour remains. What lies behind the plane is
+    patchy rather than blurred. Raises `InvalidOption` for what `planes.refocus` refuses, for unknown `occluders`, and
+    for `remove` with another method than `mapping`.
     """
     if occluders not in get_args(Occluders):
         raise InvalidOption(f"occluders: {occluders!r} is not known; give {' or '.join(get_args(Occluders))}")
@@ -61,7 +62,7 @@ def make_planes(
 
 
 def _make_plane(views: NDArray[Any], disparity: float, weights: NDArray[np.float32]) -> NDArray[np.float32]:
-    """One plane, `(H, W, C)`, in blocks of rows."""
+    """Makes one plane, `(H, W, C)`, in blocks of rows."""
     height = views.shape[2]
     level = np.iinfo(views.dtype).max / 255 / 2 ** count_unused_bits(views)
     tolerance = (DIFFERENCE * level) ** 2 + 2 * estimate_noise(views[center_view(*views.shape[:2])]) ** 2
@@ -78,7 +79,7 @@ def _make_rows(
     tolerance: float,
     rows: NDArray[np.int64],
 ) -> NDArray[np.float32]:
-    """The rows `rows` of a plane, `(h, W, C)`."""
+    """Makes the rows `rows` of a plane, `(h, W, C)`."""
     samples, reached = _line_up(views, disparity, weights, rows)
     counting = np.flatnonzero(weights)
     candidates = np.random.default_rng(0).permutation(counting)[:CANDIDATES]
@@ -98,7 +99,7 @@ def _make_rows(
 def _compare(
     samples: NDArray[np.float32], colours: NDArray[np.float32], tolerance: float, reached: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """How much each sample counts for these colours, `(views, h, W)`."""
+    """Returns how much each sample counts for these colours, `(views, h, W)`."""
     differences = samples - colours
     squares = np.einsum("khwc,khwc->khw", differences, differences)
     shares: NDArray[np.float32] = np.exp(squares * np.float32(-1 / (tolerance * samples.shape[3]))) * reached
@@ -108,7 +109,9 @@ def _compare(
 def _line_up(
     views: NDArray[Any], disparity: float, weights: NDArray[np.float32], rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The views, shifted so that the plane lines up, `(views, h, W, C)`, and their weights where they reach, else 0."""
+    """Returns the views, shifted so that the plane lines up, `(views, h, W, C)`, and their weights where they reach,
+    else 0.
+    """
     count_v, count_u, height, width, channels = views.shape
     samples = np.empty((count_v, count_u, len(rows), width, channels), np.float32)
     reached = np.empty(samples.shape[:4], np.float32)
@@ -125,8 +128,10 @@ def _line_up(
 def _find_sources(
     places: NDArray[np.int64], shift: float, length: int
 ) -> tuple[list[tuple[np.float32, NDArray[np.int64]]], NDArray[np.bool_]]:
-    """The weights and indices of the samples that make up a signal shifted by `shift`, and where it is inside."""
-    shift = float(np.clip(shift, -length - 1, length + 1))  # all outside beyond that
+    """Returns the weights and indices of the samples that make up a signal shifted by `shift`, and where it is
+    inside.
+    """
+    shift = float(np.clip(shift, -length - 1, length + 1))  # beyond that, all is outside
     whole = int(np.floor(-shift))
     taps = make_sinc_taps(np.asarray(-shift - whole)).astype(np.float32)
     offsets = range(1 - REACH, REACH + 1)

@@ -4,14 +4,14 @@ A point of disparity m moves by m pixels to the left, and up, from one view to t
 pixels that see a point of the plane of disparity m lie on lines `x + m*(u - t) = X`, `y + m*(v - s) = Y` of the light
 field, and the plane, as seen from view (s, t), is the mean along them. In front of a lens array m = delta * distance /
 pitch (`renderer.focus.depth_scale`). With `w` the views' weights, `y = Y - m*(v - s)` and `x = X - m*(u - t)`, all
-methods are
+methods compute
 
     P[Y, X] = sum of w[v, u] * W(y) * W(x) * L[v, u](y, x)  over the views v, u that have a pixel within half of (y, x)
 
 divided by the same sum of ones in place of L, so that uneven coverage doesn't show (Hong, Jang and Javidi, Opt. Express
 12, 2004; Ng et al. 2005). They differ in the window W, and in how views are sampled between pixels:
 
-- `mapping`: each pixel is mapped back to the plane, by interpolation (Shin and Yoo, Opt. Express 17, 2009): by a sinc
+- `mapping`: each pixel is mapped back to the plane by interpolation (Shin and Yoo, Opt. Express 17, 2009) with a sinc
   of six pixels (`kernels.make_sinc_taps`), where a view ends by repeating its last pixel; W = 1. For views of parallel
   rays, back projection of magnified elemental images and their mean is the same sum.
 - `window`: the same with a smooth window on each picture (Yoo, Opt. Lett. 36, 2011; Sensors 23, 5468, 2023): W falls
@@ -19,11 +19,11 @@ divided by the same sum of ones in place of L, so that uneven coverage doesn't s
   camera array are its elemental images; in front of a lens array a window on those is an aperture (`apertures`).
 - `delta`: the picture of all views side by side is convolved with an array of delta functions (Jang, Shin and Kim, Opt.
   Express 22, 2014), whose period is m short of a view. Pixels are not interpolated: the nearest counts, so close
-  disparities may give the same plane. Where the count of views is even, the plane may lie half a pixel off the middle
-  of the grid.
+  disparities may give the same plane. If the count of views is even, the plane may lie half a pixel off the middle of
+  the grid.
 
-Shifts are separable, so the views are shifted down and added along the columns of the grid, and the sums then shifted
-across and added. Each step is the product of a sparse matrix and pictures, for many planes at a time.
+Shifts are separable, so the views are shifted down and added along the columns of the grid, and the sums are then
+shifted across and added. Each step is the product of a sparse matrix and pictures, for many planes at a time.
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ Method = Literal["mapping", "window", "delta"]
 BORDER = 1 / 8
 """The least weight of a place in a view with the method `window`."""
 MEMORY = 2**28
-"""Bytes, about, of the sums between the two steps: so many planes are made at a time."""
+"""Approximate bytes of the sums between the two steps, which set how many planes are made at a time."""
 LEAST_ALPHA = 0.5
-"""Half a level: colours are not divided by less, as interpolation may leave that where nothing is."""
+"""Half a level: colours are not divided by less, because interpolation may leave that much where there is nothing."""
 _NUMBERS = 450
-"""Most numbers in the rows that one product adds: few enough for the processor's cache."""
+"""Most numbers in the rows that one product adds, few enough for the processor's cache."""
 _EXACT = 257
 """Most 8-bit pixels whose sum fits 16 bits."""
 
@@ -69,12 +69,12 @@ def refocus(
     method: Method = "mapping",
     weights: NDArray[np.float32] | None = None,
 ) -> Iterator[NDArray[np.float32]]:
-    """A plane for each of `disparities`, in pixels a view, as the middle of the grid sees it: `(H, W, C)`, in the units
-    of the views.
+    """Makes a plane for each of `disparities`, in pixels per view, as the middle of the grid sees it: `(H, W, C)`, in
+    the units of the views.
 
-    `views`: `(V, U, H, W, C)`. `weights`: `(V, U)`, of each view, by default 1: the aperture. Where a view does not
-    reach, the others count alone; a pixel that no view reaches is 0. Colours count by alpha, which 2
-    or 4 channels have.
+    `views`: `(V, U, H, W, C)`. `weights`: `(V, U)`, one for each view, by default 1: the aperture. Where a view does
+    not reach, only the others count; a pixel that no view reaches is 0. Colours count by alpha, if there are 2 or 4
+    channels.
 
     Raises `InvalidOption` for an unknown method, for weights that `check_weights` refuses, and for disparities that are
     not finite.
@@ -90,14 +90,14 @@ def refocus(
 
 
 def _multiply_by_alpha(views: NDArray[Any]) -> NDArray[np.float32]:
-    """So that hidden colours don't count."""
+    """Multiplies colours by alpha, so that hidden colours don't count."""
     weighted = views.astype(np.float32)
     weighted[..., :-1] *= weighted[..., -1:]
     return weighted
 
 
 def _divide_by_alpha(plane: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The colours again, 0 where nothing is."""
+    """Divides colours by alpha again; they are 0 where there is nothing."""
     alpha = plane[..., -1:]
     plane[..., :-1] *= (alpha > 0) / np.maximum(alpha, LEAST_ALPHA)
     return plane
@@ -107,7 +107,7 @@ def check_disparities(disparities: Numbers) -> None:
     """Raises `InvalidOption` for anything but a row of finite numbers."""
     numbers = np.asarray(disparities)
     if numbers.ndim != 1 or numbers.dtype.kind not in "iuf" or not np.isfinite(numbers).all():
-        raise InvalidOption("disparities: give finite numbers, in pixels a view, as in [-0.5, 0.25]")
+        raise InvalidOption("disparities: give finite numbers, in pixels per view, such as [-0.5, 0.25]")
 
 
 def check_overlap(disparities: Numbers, side: int) -> None:
@@ -136,7 +136,7 @@ def _make_planes(
 def _count_views(
     weights: NDArray[np.float32], down: NDArray[np.float32], across: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """What `_add_views` gives for views of ones, `(planes, H, W)`."""
+    """Returns what `_add_views` gives for views of ones, `(planes, H, W)`."""
     rows, which = np.unique(weights, axis=0, return_inverse=True)  # few: apertures are symmetric
     counts = np.zeros((len(down), down.shape[2], across.shape[2]), np.float32)
     for index, row in enumerate(rows):
@@ -147,7 +147,7 @@ def _count_views(
 def _add_views(
     views: NDArray[Any], weights: NDArray[np.float32], down: _Shifts, across: _Shifts
 ) -> NDArray[np.float32]:
-    """The sums of all shifted views, `(planes, H, W, C)`."""
+    """Returns the sums of all shifted views, `(planes, H, W, C)`."""
     count_u, height, width, channels = views.shape[1:]
     planes = len(down.reach)
     matrices = [down.make_matrix(slice(None)), *(across.make_matrix(slice(p, p + 1)) for p in range(planes))]
@@ -195,7 +195,7 @@ class _Shifts:
         self._sources = before.clip(0, length - 1) + length * np.arange(views)[:, np.newaxis, np.newaxis]
 
     def make_matrix(self, planes: slice) -> sparse.csr_array:
-        """What moves views, `(views * length, ...)`, and adds them: to `(length * planes, ...)`."""
+        """Returns the matrix that moves views, `(views * length, ...)`, and adds them: to `(length * planes, ...)`."""
         taps = self._taps[planes, :, np.newaxis] * self.reach[planes, ..., np.newaxis]  # (planes, views, length, 6)
         rows, (views, length) = taps.shape[0] * taps.shape[2], taps.shape[1:3]
         numbers, sources = (part.transpose(2, 0, 1, 3).reshape(rows, -1) for part in (taps, self._sources[planes]))

@@ -1,4 +1,4 @@
-"""A globe on its stand: the sample scene of rich texture."""
+"""A globe on its stand: the sample scene with rich texture."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _LETTERS = {
     "O": "3e4141413e", "P": "7f09090906", "R": "7f09192946", "S": "4649494931", "T": "01017f0101", "U": "3f4040403f",
     "V": "1f2040201f", "W": "3f4038403f", "X": "6314081463", "Y": "0708700807", " ": "0000000000",
 }  # fmt: skip
-_LABELS = (  # text, longitude and latitude of its middle in degrees, pixels to a dot of the letters
+_LABELS = (  # text, longitude and latitude of its middle in degrees, pixels per dot of the letters
     ("LIGHT FIELD", -20, 52, 3), ("OCEAN OF RAYS", 20, -8, 3), ("LENS BAY", 62, 28, 2), ("PIXEL ISLES", -62, 18, 2),
     ("GAP STRAIT", -48, -32, 2), ("PITCH RANGE", 52, -40, 2), ("NORTH VIEW", 5, 74, 2), ("APERTURE", 140, 10, 3),
     ("DEPTH PLAIN", -140, -15, 3), ("FOCUS", 8, 22, 2), ("CAPE MOIRE", -8, -52, 2), ("PARALLAX", 175, 45, 3),
@@ -42,7 +42,7 @@ _LABELS = (  # text, longitude and latitude of its middle in degrees, pixels to 
 
 
 def make_surfaces() -> list[Surface]:
-    """The globe, of radius 1 about the origin, its meridian ring and its foot: about 26,000 triangles."""
+    """Makes the globe, of radius 1 about the origin, its meridian ring and its foot: about 26,000 triangles."""
     polar = np.linspace(-np.pi / 2, np.pi / 2, 65)
     vertices, faces, uv = revolve(np.stack([np.cos(polar) * (np.abs(polar) < 1.57), np.sin(polar)], 1), 128)
     globe = Surface(
@@ -64,7 +64,7 @@ def make_surfaces() -> list[Surface]:
 
 
 def paint_texture() -> NDArray[np.float32]:
-    """The map, `(HEIGHT, WIDTH, 3)` in [0, 1], north at the top: land and sea, graticule, a dashed track and labels."""
+    """Paints the map, `(HEIGHT, WIDTH, 3)` in [0, 1], north up: land and sea, graticule, a dashed track and labels."""
     longitude, latitude = np.meshgrid(
         (np.arange(WIDTH, dtype=np.float32) + 0.5) / WIDTH * 360 - 180,
         90 - (np.arange(HEIGHT, dtype=np.float32) + 0.5) / HEIGHT * 180,

@@ -1,4 +1,4 @@
-"""A hamburger: the sample scene of many parts, thin sheets, fine texture and vertex colours."""
+"""A hamburger: the sample scene with many parts, thin sheets, fine texture and vertex colours."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SEEDS = 90
 
 
 def make_surfaces() -> list[Surface]:
-    """Bun, lettuce, patty, cheese, tomato and bun with sesame, about 2.4 wide and 1.6 high: about 51,000 triangles."""
+    """Makes bun, lettuce, patty, cheese, tomato and sesame bun, about 2.4 wide and 1.6 high: about 51,000 triangles."""
     layers = [_bottom_bun(), _lettuce(), _patty(), _cheese(), _tomato(-0.34, 0.32), _tomato(0.40, 0.10), *_top_bun()]
     return rotate_surfaces(layers, 0, 16.0)
 
@@ -69,7 +69,7 @@ def _lettuce() -> Surface:
     radius = 0.55 + 0.68 * out + 0.05 * out**2 * np.sin(7 * turn + 0.5)
     height = -0.385 - 0.03 * out**3 + 0.06 * out**7 * ruffle + 0.01 * out**7 * np.sin(31 * turn)
     vertices = np.stack(np.broadcast_arrays(radius * np.sin(turn), height, radius * np.cos(turn)), -1).reshape(-1, 3)
-    # From the inner rim outwards the sheet faces down: reversed, so that its upper side is the outside.
+    # From the inner rim outwards the sheet faces down, so faces are reversed to make its upper side the outside.
     faces = make_grid_faces(rows, cols)[:, ::-1]
     veins = np.abs(np.sin(8 * turn + 0.8 * np.sin(3 * out * 3))) ** 6 * (1 - 0.6 * out)
     leaf = blend((0.80, 0.88, 0.50), (0.30, 0.58, 0.16), (out + 0.12 * np.sin(17 * turn)).ravel())
@@ -108,7 +108,7 @@ def _tomato(x: float, z: float) -> Surface:
 
 
 def _slice() -> NDArray[np.float64]:
-    """A cut tomato, seen from above: `(384, 384, 3)`."""
+    """Paints a cut tomato, seen from above: `(384, 384, 3)`."""
     y, x = np.meshgrid(np.linspace(1, -1, 384), np.linspace(-1, 1, 384), indexing="ij")
     radius, turn = np.hypot(x, y), np.arctan2(y, x)
     grain = sample_noise(np.stack([x, y, 0 * x], -1), frequency=10, octaves=3, seed=8)
@@ -141,7 +141,7 @@ def _top_bun() -> list[Surface]:
 
 
 def _sesame(outline: NDArray[np.float64]) -> Surface:
-    """Seeds on the bun's upper side, spaced by the golden angle, each flat on it and rotated at random."""
+    """Makes seeds on the bun's upper side, spaced by the golden angle, each lying flat on it and rotated at random."""
     rng = np.random.default_rng(6)
     crust = outline[outline[:, 1] > 0.45]
     crust = crust[np.argsort(crust[:, 0])]

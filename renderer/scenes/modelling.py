@@ -1,4 +1,4 @@
-"""Shapes, noise and colours for the sample scenes, made with numpy: the same on every machine up to rounding."""
+"""Makes shapes, noise and colours for the sample scenes with numpy: the same on every machine up to rounding."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ _LATTICE = 64  # a power of two
 
 
 def make_grid_faces(rows: int, cols: int) -> NDArray[np.int64]:
-    """Triangles `(2*(rows-1)*(cols-1), 3)` of a grid of `rows x cols` vertices, numbered row by row.
+    """Returns the triangles `(2*(rows-1)*(cols-1), 3)` of a grid of `rows x cols` vertices, numbered row by row.
 
-    Seen with rows going up and columns to the right they wind counter-clockwise.
+    Seen with rows going up and columns to the right, they wind counter-clockwise.
     """
     number = np.arange(rows * cols).reshape(rows, cols)
     a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
@@ -46,14 +46,14 @@ def revolve(profile: ArrayLike, segments: int) -> tuple[NDArray[np.float64], NDA
 
 
 def drop_slivers(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Faces without those that have two corners at the same position, as where a profile meets the axis."""
+    """Returns the faces without those that have two corners at the same position, as where a profile meets the axis."""
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     distinct = [np.abs(p - q).max(axis=1) > 1e-12 for p, q in ((a, b), (b, c), (c, a))]
     return faces[np.logical_and.reduce(distinct)]
 
 
 def sample_curve(points: ArrayLike, count: int) -> NDArray[np.float64]:
-    """`(count, 2)` points on a Catmull-Rom curve through `points` `(k, 2)`; a doubled point is a corner."""
+    """Returns `(count, 2)` points on a Catmull-Rom curve through `points` `(k, 2)`; a doubled point is a corner."""
     p = np.asarray(points, np.float64)
     p = np.concatenate([2 * p[:1] - p[1:2], p, 2 * p[-1:] - p[-2:-1]])
     at = np.linspace(0, len(p) - 3 - 1e-9, count)
@@ -67,7 +67,7 @@ def sample_curve(points: ArrayLike, count: int) -> NDArray[np.float64]:
 def make_torus(
     radius: float, thickness: float, segments: int, sides: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """A torus about the z axis: vertices `(n, 3)` and faces."""
+    """Makes a torus about the z axis: vertices `(n, 3)` and faces."""
     around, across = np.meshgrid(
         np.arange(segments + 1) % segments * (2 * np.pi / segments),
         np.arange(sides + 1) % sides * (2 * np.pi / sides),
@@ -81,21 +81,21 @@ def make_torus(
 
 
 def rotate_vertices(vertices: NDArray[np.float64], axis: int, degrees: float) -> NDArray[np.float64]:
-    """Vertices rotated about a coordinate axis, counter-clockwise as seen from its positive end."""
+    """Returns the vertices rotated about a coordinate axis, counter-clockwise as seen from its positive end."""
     return vertices @ make_rotation(axis, degrees).T
 
 
 def blend(
     low: tuple[float, float, float], high: tuple[float, float, float], amount: NDArray[np.floating]
 ) -> NDArray[Any]:
-    """Colours `(..., 3)` from `low` to `high` as `amount` goes from 0 to 1; clipped to them."""
+    """Returns colours `(..., 3)` from `low` to `high` as `amount` goes from 0 to 1, clipped to them."""
     share = np.clip(amount, 0.0, 1.0)[..., None]
     colors: NDArray[Any] = np.array(low, share.dtype) + share * np.subtract(high, low, dtype=share.dtype)
     return colors
 
 
 def smooth_step(edge: float, width: float, values: NDArray[np.floating]) -> NDArray[Any]:
-    """0 below `edge`, 1 above it, smooth over `width`."""
+    """Returns 0 below `edge`, 1 above it, smooth over `width`."""
     t = np.clip((values - edge) / width + 0.5, 0.0, 1.0)
     eased: NDArray[Any] = t * t * (3 - 2 * t)
     return eased
@@ -104,7 +104,9 @@ def smooth_step(edge: float, width: float, values: NDArray[np.floating]) -> NDAr
 def sample_noise(
     points: NDArray[np.floating], *, frequency: float, octaves: int = 1, seed: int = 0
 ) -> NDArray[np.float32]:
-    """Value noise at points `(..., 3)`, smooth, in about [-1, 1]; each octave is twice as fine and half as strong."""
+    """Returns value noise at points `(..., 3)`, smooth, about [-1, 1]; each octave is twice as fine and half as
+    strong.
+    """
     total = np.zeros(points.shape[:-1], np.float32)
     weight = 0.0
     for octave in range(octaves):
@@ -147,17 +149,17 @@ def _lattice(seed: int) -> NDArray[np.float32]:
 
 
 def to_rgba(colors: NDArray[np.floating]) -> NDArray[np.uint8]:
-    """Colours `(h, w, 3)` in [0, 1] as opaque 8-bit RGBA `(h, w, 4)`."""
+    """Returns colours `(h, w, 3)` in [0, 1] as opaque 8-bit RGBA `(h, w, 4)`."""
     pixels = np.full((*colors.shape[:2], 4), 255, np.uint8)
     pixels[:, :, :3] = np.clip(np.rint(colors * 255), 0, 255)
     return pixels
 
 
 def to_vertex_colors(colors: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Colours `(n, 3)` in [0, 1] as opaque RGBA `(n, 4)`."""
+    """Returns colours `(n, 3)` in [0, 1] as opaque RGBA `(n, 4)`."""
     return np.concatenate([np.clip(colors, 0, 1), np.ones((len(colors), 1))], axis=1).astype(np.float32)
 
 
 def rotate_surfaces(surfaces: list[Surface], axis: int, degrees: float) -> list[Surface]:
-    """Surfaces rotated about a coordinate axis."""
+    """Returns the surfaces rotated about a coordinate axis."""
     return [replace(surface, vertices=rotate_vertices(surface.vertices, axis, degrees)) for surface in surfaces]

@@ -1,4 +1,4 @@
-"""The three sample scenes by name, of rising complexity: plain, textured, of many parts."""
+"""The three sample scenes by name, of rising complexity: plain, textured, and with many parts."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ SCENES: dict[str, Callable[[], list[Surface]]] = {
     "globe": globe.make_surfaces,
     "hamburger": hamburger.make_surfaces,
 }
-"""Makes each scene's surfaces, by the scene's name; on the command line `scene:NAME`."""
+"""Functions that make each scene's surfaces, by the scene's name; on the command line `scene:NAME`."""
 
 
 def load_scene(name: str, placement: Placement = AS_GIVEN) -> Scene:
-    """The sample scene called `name`, lit as it will be placed; the last ones are kept.
+    """Returns the sample scene called `name`, lit as it will be placed; the most recent ones are kept.
 
     Raises `InvalidOption` for a name that is not in `SCENES`.
     """
@@ -45,5 +45,7 @@ def _light_scene(name: str, light: tuple[float, ...]) -> Scene:
 
 @cache
 def _make_surfaces(name: str) -> list[Surface]:
-    """Kept, since a scene that is turned is lit anew: painting the globe takes a second, lighting it a fiftieth."""
+    """Makes the surfaces and keeps them, since a turned scene is lit anew: painting the globe takes a second, lighting
+    it a fiftieth.
+    """
     return SCENES[name]()

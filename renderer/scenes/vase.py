@@ -1,4 +1,4 @@
-"""A vase: the sample scene of one plain colour."""
+"""A vase: the sample scene with one plain colour."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from ciir.renderer.surface import Surface
 
 
 def make_surfaces() -> list[Surface]:
-    """A vase of one colour, open at the top: only shape and light. About 25,000 triangles."""
+    """Makes a vase of one colour, open at the top, that shows only shape and light. About 25,000 triangles."""
     profile = [
         (0, -1.2), (0.46, -1.2), (0.46, -1.2), (0.50, -1.14), (0.42, -1.06), (0.52, -0.88), (0.76, -0.48),
         (0.86, 0.0), (0.72, 0.46), (0.42, 0.78), (0.31, 0.98), (0.36, 1.14), (0.54, 1.24), (0.56, 1.28), (0.52, 1.29),

@@ -1,1 +1,1 @@
-"""The order of a light field's views, found from the pictures."""
+"""Finds the order of a light field's views from the pictures."""

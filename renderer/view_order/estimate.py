@@ -1,9 +1,9 @@
-"""The order of a light field's views, from the pictures: right, with one axis reversed, transposed, or both; and with
-every other row reversed, as a gantry takes them that moves to and fro.
+"""Estimates the order of a light field's views from the pictures: right, with one axis reversed, transposed, or both;
+and with every other row reversed, as a gantry moving to and fro takes them.
 
 Content at one depth moves by one disparity from each view to the next: as far down as across, and diagonally by both.
-In a wrong order no disparity explains all views around the centre view at once. That is tried on textured tiles, by a
-small plane sweep, and by slopes of brightness where views hardly differ. Reversing both axes only inverts depth, which
+In a wrong order no disparity explains all views around the centre view at once. This is tested on textured tiles, with
+a small plane sweep, and with slopes of brightness if views hardly differ. Reversing both axes only inverts depth, which
 no disparity shows.
 """
 
@@ -29,42 +29,43 @@ if TYPE_CHECKING:
 
 
 SWEEPS = ((1, 2), (1, 1), (4, 1), (1, 3))
-"""(factor by which views are downscaled, step from the centre view to those around): for small, medium, large and very
-small disparities. A smaller grid limits the step. All but the last look at the 5x5 views that upscaling takes too."""
+"""(factor by which views are downscaled, step from the centre view to its neighbours): for small, medium, large and
+very small disparities. A smaller grid limits the step. All but the last look at the 5x5 views that upscaling takes
+too."""
 SLOPES = (1, 2, 3)
-"""Steps for which disparities are fitted to slopes of brightness, where no sweep settles the order: the views hardly
+"""Steps for which disparities are fitted to slopes of brightness if no sweep settles the order because the views hardly
 differ."""
 LEAST_CORRELATION, CLEAR = 0.7, 0.65
-"""A tile votes for the order that explains the views around with the highest mean correlation, where this is at least
-the first, and leaves at most the second as a share of what the next best order leaves unexplained."""
+"""A tile votes for the order that explains the neighbouring views with the highest mean correlation, if this is at
+least the first number, and leaves at most the second as a share of what the next best order leaves unexplained."""
 LEAST_SLOPE, CLEAR_SLOPE = 0.9, 0.65
-"""The same of what slopes explain."""
+"""The same for what slopes explain."""
 LEAST_RESIDUAL = 0.02
-"""What is unexplained counts as at least this, since shifts are half pixels apart."""
+"""The unexplained part counts as at least this, since shifts are half pixels apart."""
 CERTAIN_VOTES, CERTAIN_SHARE = 5, 0.9
-"""Votes for an order, and their share of all votes, from which it is certain. Of 5,661 votes of sweeps on 532 light
+"""Votes for an order, and their share of all votes, from which on it is certain. Of 5,661 votes of sweeps on 532 light
 fields in the right order, parts of captured ones and rendered ones, half of them with noise, 2 were for another order.
 With slopes, of 1,044 captured cases in three orders 885 are certain, all of them right."""
 LIKELY_VOTES, LIKELY_SHARE = 3, 0.7
-"""The same from which it is likely."""
+"""The same numbers from which on an order is likely."""
 
 
 @dataclass(frozen=True)
 class OrderEstimate:
-    """The order that views are in, by votes of tiles."""
+    """The order that views are in, according to votes of tiles."""
 
     order: Order
-    """The order with the most votes; `as given` where no tile votes."""
+    """The order with the most votes; `as given` if no tile votes."""
     votes: int
-    """Tiles that vote for it."""
+    """Number of tiles that vote for it."""
     of: int
-    """Tiles that vote."""
+    """Number of tiles that vote."""
     is_serpentine: bool = False
-    """Whether every other row of views is reversed; `order` is then what they are in once that is put right."""
+    """Whether every other row of views is reversed; `order` is then their order once that is corrected."""
 
     def put_right(self, views: NDArray[Any]) -> NDArray[Any]:
-        """`views`, whose first two axes are the rows and columns of views in this order, in the right one. Where one
-        axis is reversed, the pictures don't show which: rows are taken from the bottom up.
+        """Returns `views`, whose first two axes are the rows and columns of views in this order, in the right order. If
+        one axis is reversed, the pictures don't show which: rows are taken from the bottom up.
         """
         if self.is_serpentine:
             views = reverse_every_other_row(views)
@@ -79,12 +80,12 @@ class OrderEstimate:
 
     @property
     def is_certain(self) -> bool:
-        """Whether views may be put in another order by it."""
+        """Whether views may be reordered because of it."""
         return self.votes >= max(CERTAIN_VOTES, CERTAIN_SHARE * self.of)
 
     @property
     def is_likely(self) -> bool:
-        """Whether it is worth a note."""
+        """Whether a note should be written."""
         return self.votes >= max(LIKELY_VOTES, LIKELY_SHARE * self.of)
 
     @property
@@ -94,8 +95,8 @@ class OrderEstimate:
 
 
 def reverse_every_other_row(views: NDArray[Any]) -> NDArray[Any]:
-    """A copy of `views`, whose first two axes are rows and columns of views, with every other row reversed, the second
-    one first.
+    """Returns a copy of `views`, whose first two axes are rows and columns of views, with every other row reversed,
+    starting with the second.
     """
     turned = views.copy()
     turned[1::2] = views[1::2, ::-1]
@@ -103,11 +104,11 @@ def reverse_every_other_row(views: NDArray[Any]) -> NDArray[Any]:
 
 
 def estimate_order(views: Views) -> OrderEstimate:
-    """The order that `views`, `(V, U, H, W, C)`, are in. Looks at the centre view and at most 24 around it,
-    or 32 where the grid has an even number of columns.
+    """Estimates the order that `views`, `(V, U, H, W, C)`, are in. Looks at the centre view and at most 24 around it,
+    or 32 if the grid has an even number of columns.
 
-    It is `as given` where nothing can be said: of a grid of less than 3x3, of small pictures or without texture, and
-    where content hardly moves.
+    The order is `as given` if nothing can be said: for a grid of less than 3x3, for small pictures or those without
+    texture, and if content hardly moves.
     """
     largest = (min(views.shape[:2]) - 1) // 2
     unused = count_unused_bits(views[center_view(*views.shape[:2])]) if largest else 0
@@ -115,7 +116,7 @@ def estimate_order(views: Views) -> OrderEstimate:
     votes, votes_unwound = np.zeros((2, 2 * len(ORDERS)), np.intp)
     places: dict[int, list[tuple[int, int]]] = {}
     for factor, step in dict.fromkeys((factor, min(step, largest)) for factor, step in SWEEPS):
-        is_settled = _sum_up(votes).is_certain and (factor, step) != (1, 1)  # two rows away none is reversed
+        is_settled = _sum_up(votes).is_certain and (factor, step) != (1, 1)  # two rows away no row is reversed
         if largest and not is_settled:
             if factor not in places:
                 center = views[center_view(*views.shape[:2])]
@@ -148,9 +149,10 @@ def _count_votes(
     unused: int,
     by_slope: bool = False,
 ) -> NDArray[np.intp]:
-    """Tiles at `places` that vote for each of `ORDERS` alone, and for each of them without and then with every other
-    row reversed, `(2, 8)`: in views downscaled by `factor`, those around `step` from the centre. With an even `step` no
-    row is. `unused`: of `count_unused_bits`. `by_slope`: whether disparities are fitted to slopes rather than swept.
+    """Counts the tiles at `places` that vote for each of `ORDERS` alone, and for each of them without and then with
+    every other row reversed, `(2, 8)`: in views downscaled by `factor`, those around the centre at `step`. With an even
+    `step` no row is reversed. `unused`: from `count_unused_bits`. `by_slope`: whether disparities are fitted to slopes
+    rather than swept.
     """
     v, u = center_view(*views.shape[:2])
     votes = np.zeros((2, 2 * len(ORDERS)), np.intp)
@@ -184,8 +186,8 @@ def _count_votes(
 
 
 def _vote(explained: Plane, largest: float, clear: float) -> NDArray[np.intp]:
-    """How many tiles `(T, orders)` clearly vote for each order, `(8,)`: it leaves at most `largest` unexplained, and at
-    most `clear` of what the next best order leaves.
+    """Returns how many tiles `(T, orders)` clearly vote for each order, `(8,)`: it leaves at most `largest`
+    unexplained, and at most `clear` of what the next best order leaves.
     """
     residuals = np.maximum(1 - explained, LEAST_RESIDUAL)
     ranked = np.argsort(residuals, axis=1)

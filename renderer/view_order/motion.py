@@ -1,4 +1,4 @@
-"""How far content moves from one view of a light field to the next, from textured tiles of the centre view."""
+"""Measures how far content moves from one view of a light field to the next, from textured tiles of the centre view."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ if TYPE_CHECKING:
     from ciir.renderer.view_order.tiles import Views
 
 STEP = 4
-"""From the centre view to those that it is compared with: shifts are then known to an eighth of a pixel."""
+"""Steps from the centre view to those that it is compared with: shifts are then known to an eighth of a pixel."""
 SHARE = 90
-"""Percentage of the tiles that move no further than what is returned."""
+"""Percentage of the tiles that move no further than the returned value."""
 LEAST_TILES, LEAST_CORRELATION = 8, 0.7
-"""Tiles that must be found again with such a correlation. Four of a boot before black misled: the rest moved more."""
+"""Number of tiles that must be found again, with this correlation. Four tiles of a boot on a black background misled:
+the rest moved more."""
 
 
 def measure_motion(views: Views) -> float | None:
-    """Pixels by which nine tenths of the textured tiles of `views`, `(V, U, H, W, C)` in order, move at most from one
-    view to the next, to either side; a tile that is not found again counts as one that moves too far. None where too
-    few are found, and in grids of less than 9x9 views.
+    """Returns how far, in pixels, nine tenths of the textured tiles of `views`, `(V, U, H, W, C)` in order, move at
+    most from one view to the next, in either direction.
 
-    Looks at the centre view and eight around it.
+    A tile that is not found again counts as one that moves too far. Returns None if too few are found, and in grids of
+    less than 9x9 views. Looks at the centre view and eight views around it.
     """
     v, u = center_view(*views.shape[:2])
     if min(v, u, views.shape[0] - 1 - v, views.shape[1] - 1 - u) < STEP:

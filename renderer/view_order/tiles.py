@@ -1,4 +1,4 @@
-"""Textured tiles of the centre view of a light field, and the same places of other views."""
+"""Finds textured tiles of a light field's centre view, and cuts the same places from other views."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ if TYPE_CHECKING:
             """`(V, U, H, W, C)`."""
 
         def __getitem__(self, view: tuple[int, int], /) -> Pixels:
-            """View (v, u)."""
+            """Returns view (v, u)."""
 
 
 TILES = 24
 """Most tiles of a sweep."""
 LARGEST_SIDE = 640
-"""Only so many pixels along each side, in the middle of the views, are looked at."""
+"""Only this many pixels along each side, in the middle of the views, are used."""
 LEAST_TEXTURE = 1.5 / 255
-"""Least root mean square of a tile's gradient in its weakest direction, in [0, 1] for each pixel."""
+"""Smallest root mean square of a tile's gradient in its weakest direction, in [0, 1] for each pixel."""
 
 
 def crop_middle(views: Views) -> tuple[slice, slice]:
-    """The rows and columns of each view that are looked at."""
+    """Returns the rows and columns of each view that are used."""
     rows, cols = (slice(max(0, (side - LARGEST_SIDE) // 2), (side + LARGEST_SIDE) // 2) for side in views.shape[2:4])
     return rows, cols
 
@@ -45,8 +45,8 @@ def crop_middle(views: Views) -> tuple[slice, slice]:
 def cut_tiles(
     view: Pixels, places: Sequence[tuple[int, int]], factor: int = 1, *, margin: int = 0, unused: int
 ) -> Plane:
-    """The luma of the tiles of a view at `places`, with `margin` more pixels to each side, all downscaled by `factor`:
-    `(T, TILE + 2*margin, TILE + 2*margin)`. `unused`: of `count_unused_bits`.
+    """Returns the luma of the tiles of a view at `places`, with `margin` more pixels on each side, all downscaled by
+    `factor`: `(T, TILE + 2*margin, TILE + 2*margin)`. `unused`: from `count_unused_bits`.
     """
     parts = [[slice(factor * (at - margin), factor * (at + TILE + margin)) for at in place] for place in places]
     pictures: NDArray[Any] = np.stack([view[rows, cols] for rows, cols in parts])
@@ -54,7 +54,7 @@ def cut_tiles(
 
 
 def find_tiles(luma: Plane) -> list[tuple[int, int]]:
-    """The tops and lefts of up to `TILES` tiles with most texture in every direction, half a tile apart or more."""
+    """Returns tops and lefts of up to `TILES` tiles with most texture in every direction, half a tile apart or more."""
     half = TILE // 2
     down, right = ((length - 2 * REACH) // half for length in luma.shape)
     if min(down, right) < 2:
@@ -82,8 +82,8 @@ def find_tiles(luma: Plane) -> list[tuple[int, int]]:
 
 
 def make_luma(pictures: Pixels, factor: int, unused: int) -> Plane:
-    """The mean of the colours of `(..., H, W, C)` and of each `factor x factor` pixels, in [0, 1] of the range without
-    the `unused` upper bits.
+    """Returns the mean of the colours of `(..., H, W, C)` and of each `factor x factor` pixels, in [0, 1] of the range
+    without the `unused` upper bits.
     """
     *count, height, width, channels = pictures.shape
     rows, cols, colours = height // factor, width // factor, channels - (channels in (2, 4))

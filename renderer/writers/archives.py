@@ -26,7 +26,7 @@ class ZipWriter(Writer):
         self._zip = zipfile.ZipFile(file, "w", zipfile.ZIP_STORED)
 
     def begin(self, contents: Contents) -> None:
-        """A zip holds any views."""
+        """Accepts any views: a zip holds them all."""
         self._contents = contents
 
     def write(self, view: View, pixels: Pixels) -> str:
@@ -41,7 +41,7 @@ class ZipWriter(Writer):
         self._zip.close()
 
     def discard(self) -> None:
-        """Closes the zip: one that is collected open writes its directory into a file that is closed by then."""
+        """Closes the zip: left open, it would write its directory into a closed file when it is garbage-collected."""
         self._zip.close()
 
 
@@ -60,7 +60,7 @@ class NpzWriter(Writer):
         self._count = len(contents.views)
 
     def write(self, view: View, pixels: Pixels) -> str:
-        """Appends the pixels to `views`; all views have one shape and type."""
+        """Appends the pixels to `views`; all views have the same shape and type."""
         if self._member is None:
             self._member = self._zip.open(zipfile.ZipInfo("views.npy", ZIP_DATE), "w", force_zip64=True)
             header = {

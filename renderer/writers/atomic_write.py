@@ -1,4 +1,4 @@
-"""Files and folders that appear whole or not at all: written beside their place under another name, then moved."""
+"""Writes files and folders that appear whole or not at all: made next to their place under another name, then moved."""
 
 from __future__ import annotations
 
@@ -17,43 +17,47 @@ if TYPE_CHECKING:
 
 
 def read_path(path: Any, option: str = "path") -> Path:
-    """A place that a caller names. Raises `InvalidOption` for an empty name, and for what is no name."""
+    """Returns the path that a caller gives. Raises `InvalidOption` for an empty name, and for anything that is not a
+    name.
+    """
     if not isinstance(path, str | os.PathLike) or not os.fspath(path):
-        raise InvalidOption(f"{option}: {repr(path)[:40]} is no name; give that of a file or a folder")
+        raise InvalidOption(f"{option}: {repr(path)[:40]} is not a name; give that of a file or a folder")
     return Path(path)
 
 
 def place_for_file(path: Path) -> Path:
-    """`path`, absolute and without links. Raises `InvalidOption` where a file can't be put there; makes nothing."""
-    with suppress(FileNotFoundError, NotADirectoryError):  # others may take the file away at any moment: one look
+    """Returns `path`, absolute and without links. Raises `InvalidOption` if no file can be put there; creates
+    nothing.
+    """
+    with suppress(FileNotFoundError, NotADirectoryError):  # others may remove the file at any moment, so stat it once
         mode = path.stat().st_mode
         if stat.S_ISDIR(mode):
             raise InvalidOption(f"{path}: a folder is there; name a file for the output")
-        if not stat.S_ISREG(mode):  # a device or a pipe, which a finished file would replace
-            raise InvalidOption(f"{path}: no plain file; name another place for the output")
+        if not stat.S_ISREG(mode):  # a device or a pipe, which the finished file would replace
+            raise InvalidOption(f"{path}: not a regular file; name another place for the output")
     path = path.resolve()
     _check_folder(path)
     return path
 
 
 def _check_folder(path: Path) -> None:
-    """Whether something new can be made at `path`, in the folders that are there or that will be made for it."""
+    """Raises `InvalidOption` unless `path` can be created, in existing folders or in those made for it."""
     folder = next(parent for parent in path.parents if parent.exists())
     if not folder.is_dir():
         raise InvalidOption(f"{folder}: not a folder; name another place for the output")
     if not os.access(folder, os.W_OK | os.X_OK):
-        raise InvalidOption(f"{folder}: nothing may be written there; name another place for the output")
+        raise InvalidOption(f"{folder}: no permission to write there; name another place for the output")
 
 
 def _partial(folder: Path, name: str) -> Path:
-    """What `name` is called while it isn't finished: hidden, unique, in `folder`, which is made."""
+    """Returns the name of `name` while it isn't finished: hidden, unique, in `folder`, which is created."""
     folder.mkdir(parents=True, exist_ok=True)
     return folder / f".{name}.{uuid.uuid4().hex[:12]}.partial"
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[IO[bytes]]:
-    """A binary file that takes `path`'s place when the block ends, and is gone when the block raises."""
+    """Opens a binary file that takes `path`'s place when the block ends, and is removed if the block raises."""
     path = place_for_file(path)
     temporary = _partial(path.parent, path.name)
     try:
@@ -65,13 +69,13 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
 
 
 class Staged:
-    """A folder in the making. `commit` moves it to `path`: files of the same name there are replaced, others stay."""
+    """A folder being written. `commit` moves it to `path`: files of the same name there are replaced, others stay."""
 
     def __init__(self, path: Path) -> None:
         if path.exists() and not path.is_dir():
             raise InvalidOption(f"{path}: a file is there; name a folder for the output, or remove it")
         self.path = path.resolve()
-        if self.path.is_dir():  # it may be the root of a file system: what is beside it can't be moved into it
+        if self.path.is_dir():  # it may be the root of a file system: files outside can't be moved into it
             self.temporary = _partial(self.path, self.path.name)
         else:
             _check_folder(self.path)
@@ -79,16 +83,16 @@ class Staged:
         self.temporary.mkdir()
 
     def write(self, name: str, data: bytes) -> None:
-        """Writes a file of the folder."""
+        """Writes a file in the folder."""
         (self.temporary / name).write_bytes(data)
 
     def commit(self, remove: Collection[str] = ()) -> None:
-        """Moves everything into place, and takes away the files called `remove` that were not written anew."""
+        """Moves everything into place, and removes the files called `remove` that were not written again."""
         if not self.path.exists():
             self.temporary.rename(self.path)
             return
         names = sorted(file.name for file in self.temporary.iterdir())
-        for name in names:  # all are checked before the first is replaced
+        for name in names:  # all names are checked before the first is replaced
             if (self.path / name).is_dir():
                 raise InvalidOption(f"{self.path / name}: a folder is there; remove it, or name another output")
         for name in names:

@@ -20,19 +20,19 @@ if TYPE_CHECKING:
 
 
 _NAMES = re.compile(r"(view_\d+_\d+|frame_\d+)\.png")
-"""Of views and frames, as `Contents.name_file` gives them."""
+"""Names of views and frames, as `Contents.name_file` gives them."""
 
 
 class FolderWriter(Writer):
     """Writes a PNG for each view, and `report.json`; all appear together when it finishes.
 
     The views that an earlier report in the folder lists are removed, but never `source`, the file or folder that is the
-    input. Views that no such report lists were not made by ciir: they are refused, as they would be overwritten, or
-    read as views of the new light field.
+    input. Views that no such report lists were not made by ciir. They are refused, because they would be overwritten,
+    or read as views of the new light field.
     """
 
     def __init__(self, path: Path, source: Path | None = None) -> None:
-        """Raises `InvalidOption` where a file is at `path`, or a folder with views that no report lists."""
+        """Raises `InvalidOption` if `path` is a file, or a folder with views that no report lists."""
         if path.exists() and not path.is_dir():
             raise InvalidOption(f"{path}: a file is there; name a folder for the output, or remove it")
         self._path = path
@@ -42,7 +42,7 @@ class FolderWriter(Writer):
         self._staged: Staged | None = None
 
     def begin(self, contents: Contents) -> None:
-        """Makes the temporary folder. Raises `InvalidOption` for frames that no report lists where frames come."""
+        """Makes the temporary folder. Raises `InvalidOption` if frames are to come and unlisted frames are there."""
         if contents.times:
             self._refuse_unlisted("frame")
         self._contents = contents
@@ -77,24 +77,26 @@ class FolderWriter(Writer):
             self._staged.discard()
 
     def _refuse_unlisted(self, kind: str) -> None:
-        """Raises `InvalidOption` for pictures there named as ours of that kind, but the input, that no report lists."""
+        """Raises `InvalidOption` for pictures there named like ours of that kind, except the input, that no report
+        lists.
+        """
         there = {path.name for path in self._path.glob(f"{kind}_*.png") if path.resolve() != self._source}
         if others := {name for name in there if _NAMES.fullmatch(name)} - _earlier_views(self._path):
             first, last = min(others), max(others)
             what = f"{first} is" if first == last else f"{len(others)} files, {first} to {last}, are"
             raise InvalidOption(
-                f"{self._path}: {what} there, which no report.json of ciir lists; "
+                f"{self._path}: {what} there and not listed in a report.json of ciir; "
                 "give another folder for the output, or remove them"
             )
 
 
 def _earlier_views(folder: Path) -> set[str]:
-    """The names of views that the report in `folder` lists and that exist; none where there is no such report."""
+    """Returns the names of views that the report in `folder` lists and that exist; empty if there is no such report."""
     path = folder / REPORT
     if not path.is_file():
         return set()
     try:
         names = [str(view["file"]) for view in json.loads(path.read_bytes())["views"]]
-    except (LookupError, TypeError, ValueError):  # a report.json of another program
+    except (LookupError, TypeError, ValueError):  # a report.json from another program
         return set()
     return {name for name in names if _NAMES.fullmatch(name) and (folder / name).is_file()}

@@ -1,7 +1,7 @@
-"""The formats that views are written in as one file: one registry.
+"""The registry of formats that store views in one file.
 
 Picture formats come from `renderer.writers.pictures.registry`. A format for several views is a module with its
-`Writer`, and a line in `FORMATS`; one for whole light fields a `WholeWriter` in `renderer/writers/containers`.
+`Writer`, and a line in `FORMATS`; one for whole light fields is a `WholeWriter` in `renderer/writers/containers`.
 """
 
 from __future__ import annotations
@@ -61,30 +61,30 @@ class Format:
 
     name: str
     suffixes: tuple[str, ...]
-    """Of file names, lower case; the first is the usual one."""
+    """Suffixes of file names, in lower case; the first is the usual one."""
     media_type: str
     open: Callable[[IO[bytes], WriterOptions], Writer]
-    """Makes a writer into a binary file."""
+    """Function that makes a writer to a binary file."""
     holds_report: bool = False
-    """Whether the report, and with it the times of that run, is in the file."""
+    """Whether the file contains the report, and with it the times of that run."""
     uses: tuple[str, ...] = ()
-    """The names of `WriterOptions` that it leaves open."""
+    """The names of the `WriterOptions` that it uses."""
 
     def make_writer(self, file: IO[bytes], options: WriterOptions) -> Writer:
-        """A writer into a binary file. Raises `InvalidOption` for an option that the format has no use for."""
+        """Returns a writer to a binary file. Raises `InvalidOption` for an option that the format does not use."""
         check_options(options, self.uses, f"format {self.name}")
         return self.open(file, options)
 
 
 def _picture(picture: pictures.PictureFormat) -> Format:
-    """A format of one view."""
+    """Makes a format for one view."""
     return Format(picture.name, picture.suffixes, picture.media_type, lambda file, _: SingleWriter(file, picture))
 
 
 def _container(
     name: str, suffixes: tuple[str, ...], media_type: str, writer: str, uses: tuple[str, ...] = ()
 ) -> Format:
-    """A format of whole light fields, whose `writer` is `module:class`, imported when it is first used."""
+    """Makes a format for whole light fields, whose `writer` is `module:class`, imported when it is first used."""
     module, _, class_ = writer.partition(":")
 
     def open_writer(file: IO[bytes], options: WriterOptions) -> Writer:
@@ -95,7 +95,7 @@ def _container(
 
 
 def check_options(options: WriterOptions, uses: tuple[str, ...], what: str) -> None:
-    """Raises `InvalidOption` for an option that is not as by default and that `what`, with its `uses`, ignores."""
+    """Raises `InvalidOption` for an option that differs from its default and that `what`, with its `uses`, ignores."""
     for field in fields(WriterOptions):
         if field.name not in {*OF_FILE, *uses} and getattr(options, field.name) != field.default:
             others = ", ".join(entry.name for entry in FORMATS.values() if field.name in entry.uses)
@@ -103,11 +103,11 @@ def check_options(options: WriterOptions, uses: tuple[str, ...], what: str) -> N
 
 
 STILL = tuple(suffix for suffix in pictures.SUFFIXES if suffix != ".webp")
-"""The suffixes of pictures without motion: of a whole light field, WebP is an animation."""
+"""The suffixes of pictures without motion: for a whole light field, WebP is an animation."""
 EXACT = tuple(suffix for suffix in pictures.SUFFIXES if suffix not in (".jpg", ".jpeg"))
-"""The suffixes of pictures that keep every subpixel, as lenses tell them apart."""
+"""The suffixes of pictures that keep every subpixel, which lenses tell apart."""
 VIDEO = ("path", "frames", "fps")
-"""What a format of videos uses of `WriterOptions`."""
+"""The `WriterOptions` that a video format uses."""
 BINARY = "application/octet-stream"
 """The media type of formats without one of their own."""
 
@@ -137,7 +137,7 @@ FORMATS = {
         _container("panel", EXACT, "image/png", "displays:PanelWriter", USES["panel"]),
     )
 }
-"""By name. Where several have a suffix, the first one is its format."""
+"""The formats by name. If several have the same suffix, the first one is its format."""
 
 
 def _index_suffixes(formats: Iterable[Format]) -> dict[str, Format]:
@@ -149,17 +149,17 @@ def _index_suffixes(formats: Iterable[Format]) -> dict[str, Format]:
 
 
 BY_SUFFIX = _index_suffixes(FORMATS.values())
-"""The format of views that a name asks for: a picture is one view."""
+"""The format of views for a file name's suffix: a picture is one view."""
 BY_SUFFIX_OF_TIMES = BY_SUFFIX | {".webp": FORMATS["animated-webp"]}
-"""The format of one view at several times that a name asks for."""
+"""The format of one view at several times for a file name's suffix."""
 WHOLE = {name: entry for name, entry in FORMATS.items() if name not in {picture.name for picture in pictures.FORMATS}}
 """The formats that can hold a whole light field, by name."""
 WHOLE_BY_SUFFIX = _index_suffixes(WHOLE.values())
-"""The format of a whole light field that a name asks for: a picture is an elemental image array."""
+"""The format of a whole light field for a file name's suffix: a picture is an elemental image array."""
 
 
 def find_display(path: PurePath, options: WriterOptions) -> Kind | None:
-    """The kind of picture for a display that the options, or a quilt's name, ask for where no format is given."""
+    """Returns the kind of picture for a display that the options, or a quilt's name, ask for if no format is given."""
     if options.display or options.calibration or options.device or options.quilt:
         return find_kind(options)
     is_named = path.suffix.lower() in FORMATS["quilt"].suffixes and parse_name(path.name) is not None
@@ -167,18 +167,20 @@ def find_display(path: PurePath, options: WriterOptions) -> Kind | None:
 
 
 def find_implied(path: PurePath, options: WriterOptions) -> str | None:
-    """Where no format is given: epi where its line is, eslf where the file's name makes readers take it for one."""
+    """Returns the format if none is given: epi if its line is given, eslf if readers would take the file's name for
+    one.
+    """
     if options.epi:
         return "epi"
     return "eslf" if path.suffix.lower() == ".png" and is_eslf(path.name) else None
 
 
 FOLDER = "folder"
-"""The name of the format of a folder of views, which is no file."""
+"""The name of the format for a folder of views, which is not a file."""
 
 
 def find_whole_format(name: str, path: PurePath) -> Format | None:
-    """The format `name`; None for a folder of views. Raises `InvalidOption` where it can't hold a light field, or
+    """Returns the format `name`; None for a folder of views. Raises `InvalidOption` if it can't hold a light field, or
     `path` has another suffix.
     """
     suffix = path.suffix.lower()
@@ -196,7 +198,7 @@ def find_whole_format(name: str, path: PurePath) -> Format | None:
 
 
 class FileWriter(Writer):
-    """Writes one file in the format that was asked for; without one, PNG for one view and zip for several."""
+    """Writes one file in the requested format; without one, PNG for one view and zip for several."""
 
     def __init__(self, file: IO[bytes], wanted: str | None, options: WriterOptions | None = None) -> None:
         if wanted is not None and wanted not in FORMATS:
@@ -206,7 +208,7 @@ class FileWriter(Writer):
         self._options = options or WriterOptions()
         self._writer: Writer | None = None
         self.format = FORMATS["zip"]
-        """Final from `begin` on."""
+        """The format; final from `begin` on."""
 
     def begin(self, contents: Contents) -> None:
         """Selects the format."""

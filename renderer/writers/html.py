@@ -1,4 +1,4 @@
-"""Writes a light field as one HTML file that shows it: a viewer with the views in it, which needs no server."""
+"""Writes a light field as one HTML file that shows it: a viewer that contains the views and needs no server."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from ciir.renderer.writers.writer import Contents
 
 MOST_VIEWS = 2048
-"""The layers of a WebGL 2 texture that usual graphics processors have; 256 are certain."""
+"""The layers of a WebGL 2 texture that common graphics processors have; 256 are guaranteed."""
 
 MODULES = ("texts.js", "disparity.js", "viewer.js", "movement.js", "page.js")
-"""The viewer's, each after those that it imports."""
+"""The viewer's modules, each after those that it imports."""
 
 
 class HtmlWriter(Writer):
@@ -41,7 +41,7 @@ class HtmlWriter(Writer):
         self._unused = 0
 
     def begin(self, contents: Contents) -> None:
-        """Refuses some views of a light field, and more than `MOST_VIEWS`."""
+        """Refuses a part of a light field's views, and more than `MOST_VIEWS`."""
         contents.refuse_times("html")
         if sorted(contents.views) != parse_views("all", *contents.grid):
             count = len(contents.views)
@@ -53,7 +53,7 @@ class HtmlWriter(Writer):
         self._contents = contents
 
     def write(self, view: View, pixels: Pixels) -> str:
-        """Adds a picture; those of 16 bit with the last one, as only all of them show how many bits the camera has."""
+        """Adds a picture; 16-bit ones with the last one, as only all of them show how many bits the camera has."""
         self._kept[view] = pixels
         if pixels.dtype == np.uint8 or len(self._kept) == len(self._contents.views):
             self._unused = count_unused_camera_bits(*self._kept.values())
@@ -89,6 +89,6 @@ class HtmlWriter(Writer):
 
 
 def _encode(pixels: Pixels) -> str:
-    """A picture of 8 bit as the address of a JPEG."""
+    """Returns an 8-bit picture as a data URL of a JPEG."""
     jpeg = encode(pixels[..., : 1 if pixels.shape[2] < 3 else 3], ".jpg")
     return "data:image/jpeg;base64," + base64.b64encode(jpeg).decode()

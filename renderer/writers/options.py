@@ -1,4 +1,4 @@
-"""How a light field is written, as far as its format leaves that open."""
+"""Options for writing a light field, as far as its format leaves them open."""
 
 from __future__ import annotations
 
@@ -22,32 +22,33 @@ if TYPE_CHECKING:
     from ciir.renderer.displays.panel import Conversion
 
 OF_FILE = ("suffix", "name")
-"""Options that the output's path gives."""
+"""Options that come from the output's path."""
 TEXT_FILES = ("calibration", "display")
 """Options whose value is the text of a file."""
 MOST_TEXT = 1 << 16
-"""Most bytes of it."""
+"""Most bytes of that text."""
 RANGES: dict[str, tuple[float, float]] = {
     "aspect": (1 / MAX_ASPECT, MAX_ASPECT),
     "disparity": (-1000, 1000),
     "frames": (1, 3600),
     "fps": (1, 240),
 }
-"""The least and the largest value of each number in `WriterOptions`."""
+"""The smallest and the largest value of each number in `WriterOptions`."""
 PathName = Literal["circle", "sweep", "spiral"]
 """Paths of a camera among the views."""
 
 
 @dataclass(frozen=True)
 class WriterOptions:
-    """How a light field is written. A writer uses what its format leaves open."""
+    """How a light field is written. A writer uses the options that its format leaves open."""
 
     suffix: str = ""
-    """Of the file's name, in lower case, for formats that have several; empty: the format's usual one."""
+    """Suffix of the file's name, in lower case, for formats that have several; empty: the format's usual one."""
     name: str = ""
-    """Of the file, where it has one: a quilt's may hold its layout."""
+    """Name of the file, if it has one: a quilt's may contain its layout."""
     device: str = ""
-    """The display that a quilt is for, of `renderer.displays.devices`; empty: the usual one, and the own aspect."""
+    """The display that a quilt is for, from `renderer.displays.devices`; empty: the default one, with the views' own
+    aspect."""
     quilt: str = ""
     """Columns x rows of a quilt, as `parse_grid` reads them; empty: the device's."""
     aspect: float | None = None
@@ -57,22 +58,22 @@ class WriterOptions:
     display: str = ""
     """A panel and its lenses as TOML, as `renderer.displays.integral.parse_display` reads it."""
     conversion: Conversion = "spoc"
-    """Of a panel's picture."""
+    """Conversion of a panel's picture."""
     disparity: float = 0.0
-    """Of what lies in a display's plane, in pixels from view to view, larger where it is nearer."""
+    """Disparity of what lies in a display's plane, in pixels from view to view, larger for nearer content."""
     path: PathName = "circle"
-    """Of the camera, in videos: `renderer.writers.containers.camera_paths.list_positions`."""
+    """Path of the camera in videos: see `renderer.writers.containers.camera_paths.list_positions`."""
     frames: int = 60
-    """In a video."""
+    """Number of frames in a video."""
     fps: float | None = None
-    """Frames per second of a video; None: 30, or of pictures at several times as many as let them pass as they do."""
+    """Frames per second of a video; None: 30, or, for pictures at several times, the rate at which those times pass."""
     epi: str = ""
     """The line of an EPI picture, as `parse_epi` reads it; empty: the middle row of the centre view."""
 
     @classmethod
     def convert(cls, given: Mapping[str, Any]) -> WriterOptions:
-        """Options by name; None is the default. `calibration` and `display` are paths; the output's path gives those of
-        `OF_FILE`.
+        """Returns the options by name; None is the default. `calibration` and `display` are paths; those of `OF_FILE`
+        come from the output's path.
 
         Raises `InvalidOption` for a name that is not known or a value out of range, and `Unreadable` for a file that
         can't be read.
@@ -88,14 +89,14 @@ class WriterOptions:
         }
         for name in TEXT_FILES:
             if not isinstance(given.get(name, ""), (str, PathLike)):
-                raise InvalidOption(f"{name}: {str(given[name])[:40]!r} is not taken; give a path")
+                raise InvalidOption(f"{name}: {str(given[name])[:40]!r} is not accepted; give a path")
         files = {name: read_description(name, Path(given[name])) for name in TEXT_FILES if given.get(name)}
         for name, value in given.items():
             is_number, is_whole = name in RANGES, isinstance(getattr(cls, name), int)
             kinds = int if is_whole else (int, float) if is_number else str
             if name not in files and (isinstance(value, bool) or not isinstance(value, kinds)):
                 needed = "a whole number" if is_whole else "a number" if is_number else "text"
-                raise InvalidOption(f"{name}: {str(value)[:40]!r} is not taken; give {needed}")
+                raise InvalidOption(f"{name}: {str(value)[:40]!r} is not accepted; give {needed}")
             least, most = RANGES.get(name, (0, 0))
             if is_number and not least <= value <= most:
                 raise InvalidOption(f"{name}: {str(value)[:40]} is out of range; give {least:g} to {most:g}")
@@ -103,11 +104,11 @@ class WriterOptions:
 
 
 def read_description(name: str, path: Path) -> str:
-    """The text of the display's file for the option `name` of `TEXT_FILES`; errors in it name the file.
+    """Returns the text of the display's file for the option `name` of `TEXT_FILES`; errors in it name the file.
 
-    Raises as `read_text`, and as `parse_calibration` or `parse_display`.
+    Raises as `read_text` does, and as `parse_calibration` or `parse_display` does.
     """
-    from ciir.renderer.displays.integral import parse_display  # here: clients of a server don't need them
+    from ciir.renderer.displays.integral import parse_display  # imported here: clients of a server don't need them
     from ciir.renderer.displays.lenticular import parse_calibration
 
     text = read_text(path)
@@ -117,23 +118,23 @@ def read_description(name: str, path: Path) -> str:
 
 
 def read_text(path: Path) -> str:
-    """The text of a small file. Raises `Unreadable`, and `TooLarge` over `MOST_TEXT` bytes."""
+    """Returns the text of a small file. Raises `Unreadable`, and `TooLarge` over `MOST_TEXT` bytes."""
     return decode_text(read_file(path, DEFAULT_LIMITS), str(path))
 
 
 def decode_text(data: bytes, name: str) -> str:
-    """As `read_text`, of the file's bytes. `name`: for messages."""
+    """Returns the text of a file's bytes, as `read_text` does. `name`: the file's name in messages."""
     if len(data) > MOST_TEXT:
         raise TooLarge(f"{name}: over {MOST_TEXT:,} bytes; give the file that describes the display")
     try:
         return data.decode()
     except UnicodeDecodeError as error:
-        raise Unreadable(f"{name}: no text in UTF-8; give the file that describes the display") from error
+        raise Unreadable(f"{name}: not text in UTF-8; give the file that describes the display") from error
 
 
 def parse_epi(text: str) -> dict[str, int]:
-    """The numbers in `y=120`, `y=120,v=4`, `x=80` or `x=80,u=4`, by name, as `LightField.epi` takes them; none in empty
-    text. Raises `InvalidOption`.
+    """Returns the numbers in `y=120`, `y=120,v=4`, `x=80` or `x=80,u=4`, by name, as `LightField.epi` takes them; none
+    for empty text. Raises `InvalidOption`.
     """
     if re.fullmatch(r"(y=\d{1,6}(,v=\d{1,6})?|x=\d{1,6}(,u=\d{1,6})?)?", text) is None:
         raise InvalidOption(f"epi: {text[:40]!r} is not understood; give a row y=120 or a column x=80, or y=120,v=4")

@@ -1,6 +1,6 @@
 """Writes a stack of depth planes: pictures in a folder or a zip, a TIFF, arrays, or a video that moves through them.
 
-Planes are made while they are written, one after the other: none is kept.
+Planes are made one after the other while they are written; none is kept.
 """
 
 from __future__ import annotations
@@ -44,39 +44,39 @@ class Stack:
     """Depth planes to write."""
 
     names: tuple[str, ...]
-    """Of each plane, as a file without a suffix."""
+    """Name of each plane, as a file without a suffix."""
     kind: str
     """What `values` are: `disparities` or `depths`."""
     values: tuple[float, ...]
     shape: tuple[int, int, int]
     """`(H, W, C)` of a plane."""
     dtype: np.dtype[np.uint8] | np.dtype[np.uint16]
-    """Of the views, in whose units planes are."""
+    """Data type of the views, in whose units planes are."""
     make: Callable[[Sequence[int]], Planes]
-    """Makes planes by their numbers, in that order."""
+    """Function that makes planes by their numbers, in that order."""
     describe: Callable[[], dict[str, Any]]
-    """The report so far."""
+    """Function that returns the report so far."""
     fps: float | None = None
     """Frames per second of a video, by default the writer's."""
     unused: int = 0
-    """Of `ciir.bit_depth.count_unused_camera_bits` of all views: a video raises planes by that."""
+    """From `ciir.bit_depth.count_unused_camera_bits` of all views: a video raises planes by that many bits."""
 
     def __len__(self) -> int:
         return len(self.names)
 
     def read(self) -> Planes:
-        """All planes in their order."""
+        """Yields all planes in their order."""
         return self.make(range(len(self)))
 
 
 def check_rate(fps: float | None, name: str | None) -> None:
-    """Raises `InvalidOption` for frames per second of the format `name`, or of a folder, that has none."""
+    """Raises `InvalidOption` if `fps` is given although the format `name`, or a folder (None), does not use it."""
     uses, what = ((), "a folder of pictures") if name is None else (FORMATS[name].uses, f"format {name}")
     check_options(WriterOptions(fps=fps), uses, what)
 
 
 def write_pictures(stack: Stack, write: Callable[[str, bytes], object]) -> list[str]:
-    """Gives `NAME.png` of each plane to `write`, and `report.json`; returns no notes, as all of these."""
+    """Passes `NAME.png` of each plane to `write`, and `report.json`; returns no notes."""
     for name, plane in zip(stack.names, stack.read(), strict=True):
         write(f"{name}.png", encode_png(round_levels(plane, stack.dtype)))
     write(REPORT, report_json(stack.describe()))
@@ -98,7 +98,7 @@ def write_folder(path: Path, stack: Stack) -> list[str]:
 def _list_earlier(folder: Path) -> set[str]:
     try:
         names = [f"{plane['name']}.png" for plane in json.loads((folder / REPORT).read_bytes())["planes"]]
-    except (OSError, LookupError, TypeError, ValueError):  # none, or a report.json of another program
+    except (OSError, LookupError, TypeError, ValueError):  # none, or a report.json from another program
         return set()
     return {name for name in names if re.fullmatch(r"(plane_\d+_[dz][-+.\w]+|all_in_focus)\.png", name)}
 
@@ -115,14 +115,14 @@ def _write_picture(file: IO[bytes], stack: Stack, picture: pictures.PictureForma
 
 
 def _write_tiff(file: IO[bytes], stack: Stack) -> list[str]:
-    """A page for each plane, whose name is its `PageName` (TIFF 6.0, tag 285)."""
+    """Writes a page for each plane, whose name is its `PageName` (TIFF 6.0, tag 285)."""
     import tifffile
 
     from ciir.renderer.writers.pictures.tiff import describe_page
 
     height, width, channels = stack.shape
     size = len(stack) * height * width * channels * stack.dtype.itemsize
-    handle = tifffile.FileHandle(file, name="stack.tif")  # the name of a file that a descriptor opened is a number
+    handle = tifffile.FileHandle(file, name="stack.tif")  # a file opened from a descriptor has a number as name
     with tifffile.TiffWriter(handle, bigtiff=size > 2**31) as tiff:
         for name, plane in zip(stack.names, stack.read(), strict=True):
             picture = round_levels(plane, stack.dtype)
@@ -135,7 +135,7 @@ def _write_tiff(file: IO[bytes], stack: Stack) -> list[str]:
 
 
 def _write_npy(file: IO[bytes], stack: Stack) -> list[str]:
-    """`(n, H, W, C)` float32, in the units of the views, not rounded."""
+    """Writes `(n, H, W, C)` float32, in the units of the views, not rounded."""
     header = {"descr": "<f4", "fortran_order": False, "shape": (len(stack), *stack.shape)}
     np.lib.format.write_array_header_1_0(file, header)
     for plane in stack.read():
@@ -144,7 +144,7 @@ def _write_npy(file: IO[bytes], stack: Stack) -> list[str]:
 
 
 def _write_npz(file: IO[bytes], stack: Stack) -> list[str]:
-    """`planes` as in an npy file, their `disparities` or `depths`, and `report` (JSON text)."""
+    """Writes `planes` as in an npy file, their `disparities` or `depths`, and `report` (JSON text)."""
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
         with archive.open(zipfile.ZipInfo("planes.npy", ZIP_DATE), "w", force_zip64=True) as member:
             _write_npy(member, stack)
@@ -155,7 +155,7 @@ def _write_npz(file: IO[bytes], stack: Stack) -> list[str]:
 
 
 def _write_video(file: IO[bytes], stack: Stack, name: str) -> list[str]:
-    """Frames of 8-bit RGB from the first plane to the last and back."""
+    """Writes frames of 8-bit RGB from the first plane to the last and back."""
     back = range(len(stack) - 2, 0, -1)
     options = WriterOptions(frames=len(stack) + len(back), fps=stack.fps)
     writer = cast("PathWriter", FORMATS[name].make_writer(file, options))
@@ -166,7 +166,7 @@ def _write_video(file: IO[bytes], stack: Stack, name: str) -> list[str]:
 
 
 def _list_frames(stack: Stack, back: range) -> Iterator[NDArray[np.uint8]]:
-    """All planes, and those of `back` again: kept, or made again where all of them are large."""
+    """Yields all planes, and those of `back` again: from memory, or made again if all of them are too large to keep."""
     height, width, _ = stack.shape
     is_kept = len(stack) * height * width * 3 <= KEPT
     kept = {}
@@ -179,7 +179,7 @@ def _list_frames(stack: Stack, back: range) -> Iterator[NDArray[np.uint8]]:
 
 
 def _to_rgb8(plane: NDArray[np.float32], stack: Stack) -> NDArray[np.uint8]:
-    """Grey becomes RGB, alpha is left out."""
+    """Converts to RGB: grey is repeated, alpha is ignored."""
     colours = plane[..., :3] if plane.shape[2] >= 3 else plane[..., :1].repeat(3, axis=2)
     scale = np.float32(255 / np.iinfo(stack.dtype).max * 2**stack.unused)
     levels: NDArray[np.uint8] = np.rint(colours * scale).clip(0, 255).astype(np.uint8)
@@ -191,7 +191,7 @@ PLANE: dict[str, WriteStack] = {
     "npy": _write_npy,
     "npz": _write_npz,
 }
-"""What writes one plane, by names of `renderer.writers.formats.FORMATS`."""
+"""Functions that write one plane, by names of `renderer.writers.formats.FORMATS`."""
 STACK: dict[str, WriteStack] = {
     "zip": _write_zip,
     "stack": _write_tiff,
@@ -199,8 +199,8 @@ STACK: dict[str, WriteStack] = {
     "npz": _write_npz,
     **{name: partial(_write_video, name=name) for name in ("mp4", "webm", "gif", "animated-webp")},
 }
-"""What writes several planes, by names there."""
+"""Functions that write several planes, by the same names."""
 PLANE_BY_SUFFIX, STACK_BY_SUFFIX = (
     {suffix: name for name in writers for suffix in FORMATS[name].suffixes} for writers in (PLANE, STACK)
 )
-"""The name of the format that a file's suffix asks for."""
+"""The name of the format for a file's suffix."""

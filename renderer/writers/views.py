@@ -1,4 +1,4 @@
-"""Writes views that are in memory, or a whole light field, in the format that the name asks for or that is given."""
+"""Writes views that are in memory, or a whole light field, in the given format or the one that the name asks for."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 
 
 def save_light_field(light_field: LightField, path: Path, name: str | None, options: WriterOptions) -> tuple[str, ...]:
-    """Writes a light field in the format `name`; None: the one that `options` or `path` ask for: a picture is an
-    elemental image array, and a name without a suffix a folder of views.
+    """Writes a light field in the format `name`. If it is None, the format is the one that `options` or `path` ask for:
+    a picture is an elemental image array, and a name without a suffix a folder of views.
 
-    Returns notes: what the format doesn't hold, or holds in another way. Raises as `save_views` does.
+    Returns notes on what the format doesn't hold, or holds in another way. Raises as `save_views` does.
     """
     views = light_field.views
     rows, columns, height, width, channels = views.shape
@@ -72,9 +72,9 @@ def save_views(
     """Writes `views`, `(H, W, C)` by (v, u) of a light field with `grid` views, to a file or a folder; or one view at
     several `times`, in seconds, by (0, number), whose `views` the report then has.
 
-    `report` goes with them where the format holds one.
+    `report` is written with them if the format holds one.
 
-    Raises `InvalidOption` where `path` can't be written or the format can't hold the views.
+    Raises `InvalidOption` if `path` can't be written or the format can't hold the views.
     """
     height, width, channels = (first := next(iter(views.values()))).shape
     scale = report.get("plan", {}).get("scale", 1)
@@ -85,7 +85,7 @@ def save_views(
 
 @contextmanager
 def _open(path: Path, formats: Mapping[str, Format] | None, options: WriterOptions) -> Iterator[Writer]:
-    """A writer to `path`, of the format that its suffix has in `formats`, or of a folder; None: of a folder."""
+    """Opens a writer to `path`, in the format that its suffix has in `formats`, or to a folder; None: to a folder."""
     suffix = path.suffix.lower()
     with _named_errors(path):
         if formats is not None and suffix in formats:
@@ -105,7 +105,7 @@ def _open(path: Path, formats: Mapping[str, Format] | None, options: WriterOptio
 
 @contextmanager
 def _named_errors(path: Path) -> Iterator[None]:
-    """Raises `InvalidOption` for an error of the system."""
+    """Raises `InvalidOption` in place of operating system errors."""
     try:
         yield
     except OSError as error:

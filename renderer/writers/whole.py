@@ -19,18 +19,18 @@ if TYPE_CHECKING:
     from ciir.renderer.writers.writer import Contents
 
 REVERSED = "{name} counts {what}: views are written in reversed order in v and in u, which is the same light field"
-"""A note of formats that have a depth sense, on a light field with the other one."""
+"""The note of formats that have a depth sense, on a light field with the other one."""
 
 
 class WholeWriter(Writer):
-    """Collects all views, and writes them as one light field when the last one is there."""
+    """Collects all views, and writes them as one light field when the last one has arrived."""
 
     name = ""
-    """Of the format, for messages."""
+    """The format's name in messages."""
     holds_times = False
     """Whether it can also hold one view at several times."""
     sense: DepthSense | None = None
-    """That the format has; None for one that states it, or that holds pictures of another kind."""
+    """The depth sense that the format has; None for one that states it, or that holds pictures of another kind."""
     holds_alpha = True
 
     def __init__(self, file: IO[bytes], options: WriterOptions) -> None:
@@ -41,13 +41,13 @@ class WholeWriter(Writer):
         self._notes: list[str] = []
 
     def check(self, contents: Contents) -> None:
-        """Raises `InvalidOption` where the format can't hold the light field, before any view is made."""
+        """Raises `InvalidOption` if the format can't hold the light field, before any view is made."""
 
     @abstractmethod
     def encode(self, light_field: LightField) -> list[str]:
         """Writes the light field, which has the depth sense `sense`, to `file`.
 
-        Returns notes: what the format doesn't hold, or holds in another way.
+        Returns notes on what the format doesn't hold, or holds in another way.
         """
 
     def begin(self, contents: Contents) -> None:
@@ -57,7 +57,7 @@ class WholeWriter(Writer):
         rows, columns = contents.grid
         if len(contents.views) != rows * columns:
             raise InvalidOption(
-                f"format: {self.name} is made of all views, and {len(contents.views)} of {rows}x{columns} are asked "
+                f"format: {self.name} needs all views, and {len(contents.views)} of {rows}x{columns} are asked "
                 "for; give views all"
             )
         self.check(contents)
@@ -82,9 +82,9 @@ class WholeWriter(Writer):
         return file_name(view)
 
     def _encode(self, light_field: LightField) -> list[str]:
-        """Writes the light field as the format holds it: with its depth sense, and without alpha where it has none.
+        """Writes the light field as the format holds it: with its depth sense, and without alpha if it has none.
 
-        Raises `InvalidOption` where that alpha is not opaque, which only the pixels show.
+        Raises `InvalidOption` if that alpha is not opaque, which only the pixels show.
         """
         notes = []
         if not self.holds_alpha and light_field.views.shape[4] in (2, 4):

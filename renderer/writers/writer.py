@@ -1,4 +1,4 @@
-"""The base class of all writers of views, the one that keeps them in memory, and what writers share."""
+"""The base class of all writers of views, the writer that keeps them in memory, and what writers share."""
 
 from __future__ import annotations
 
@@ -21,34 +21,34 @@ if TYPE_CHECKING:
 
 REPORT = "report.json"
 ZIP_DATE = (1980, 1, 1, 0, 0, 0)
-"""The earliest date of a zip: the same views make the same bytes."""
+"""The earliest date of a zip, so that the same views make the same bytes."""
 
 
 @dataclass(frozen=True)
 class Contents:
-    """The views that a writer gets."""
+    """Description of the views that a writer gets."""
 
     views: tuple[View, ...]
-    """In the order in which they come."""
+    """The views in the order in which they come."""
     grid: tuple[int, int]
     """Rows and columns of the light field's views; `views` may be some of them."""
     height: int
-    """Of a view, in pixels."""
+    """Height of a view, in pixels."""
     width: int
     channels: int
     """1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha."""
     dtype: np.dtype[np.uint8] | np.dtype[np.uint16]
     depth_sense: DepthSense = "lenses"
     times: tuple[float, ...] = ()
-    """Seconds: the pictures are one view at several times, "views" (0, 0), (0, 1), ..., or at several yaws, between
-    which no time passes; empty for a light field."""
+    """Times in seconds: the pictures are one view at several times, "views" (0, 0), (0, 1), ..., or at several yaws,
+    between which no time passes; empty for a light field."""
     scale: int = 1
     """Pixels for each pixel of the views that were read, along each side."""
     pixel_aspect: float = 1.0
-    """As `LightField.pixel_aspect`."""
+    """See `LightField.pixel_aspect`."""
 
     def name_file(self, view: View) -> str:
-        """`view_VV_UU.png`, or `frame_NNNN.png` of several times or yaws."""
+        """Returns `view_VV_UU.png`, or `frame_NNNN.png` for several times or yaws."""
         return f"frame_{view[1]:04d}.png" if self.times else file_name(view)
 
     def refuse_times(self, name: str) -> None:
@@ -60,24 +60,24 @@ class Contents:
 
     @property
     def sample(self) -> Pixels:
-        """A white pixel of the views' type, `(1, 1, C)`, opaque: only the views show whether they all are."""
+        """A white, opaque pixel of the views' type, `(1, 1, C)`: only the views show whether they all are opaque."""
         return np.full((1, 1, self.channels), np.iinfo(self.dtype).max, self.dtype)
 
 
 class Writer(ABC):
     """Takes the views of one reconstruction in a `with` block: `begin`, `write` for each view, `finish`.
 
-    Where the block ends without `finish`, no part of an output stays.
+    If the block ends without `finish`, no part of an output stays.
     """
 
     beside: Mapping[str, bytes] = {}
-    """Files that go beside the output, by what their names add to its name; complete after `finish`."""
+    """Files that go next to the output, by what their names add to its name; complete after `finish`."""
 
     @abstractmethod
     def begin(self, contents: Contents) -> None:
         """Prepares for `contents`, before any view is made.
 
-        Raises `InvalidOption` where the format can't hold them.
+        Raises `InvalidOption` if the format can't hold them.
         """
 
     @abstractmethod
@@ -86,7 +86,7 @@ class Writer(ABC):
 
     @abstractmethod
     def finish(self, report: dict[str, Any]) -> None:
-        """Adds the report where the format holds one, and completes the output."""
+        """Adds the report if the format holds one, and completes the output."""
 
     def discard(self) -> None:  # noqa: B027 - most writers have nothing to remove
         """Removes what was written before `finish`; does nothing after it."""
@@ -107,7 +107,7 @@ class MemoryWriter(Writer):
         self.views: dict[View, Pixels] = {}
 
     def begin(self, contents: Contents) -> None:
-        """Any views can be kept."""
+        """Accepts any views."""
 
     def write(self, view: View, pixels: Pixels) -> str:
         """Keeps the array itself, not a copy."""
@@ -115,14 +115,14 @@ class MemoryWriter(Writer):
         return file_name(view)
 
     def finish(self, report: dict[str, Any]) -> None:
-        """Nothing is left to do: `service.pipeline.run.reconstruct` returns the report."""
+        """Does nothing: `service.pipeline.run.reconstruct` returns the report."""
 
 
 def file_name(view: View) -> str:
-    """`view_VV_UU.png`."""
+    """Returns `view_VV_UU.png`."""
     return f"view_{view[0]:02d}_{view[1]:02d}.png"
 
 
 def report_json(report: Mapping[str, Any]) -> bytes:
-    """A report as it is written everywhere: UTF-8, indented, with a line end."""
+    """Returns a report as it is written everywhere: UTF-8, indented, with a line end."""
     return (json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()

@@ -88,7 +88,7 @@ def test_any_byte_order_is_taken(order: str) -> None:
     found = LightField(views)
     assert found.dtype.isnative
     assert np.array_equal(found.views, views)
-    with pytest.raises(InvalidOption, match="float32 is not taken"):
+    with pytest.raises(InvalidOption, match="float32 is not accepted"):
         LightField(views.astype(f"{order}f4"))
 
 
@@ -166,11 +166,11 @@ def test_options_that_are_not_known_are_refused(tmp_path):
     for options in ({"screen": "p.toml"}, {"device": "go", "screen": "p.toml"}):
         with pytest.raises(InvalidOption, match=message):
             field.save(tmp_path / "a.png", "quilt", **options)
-    with pytest.raises(InvalidOption, match="disparity: 'a' is no number; give pixels a view"):
+    with pytest.raises(InvalidOption, match="disparity: 'a' is not a number; give pixels per view"):
         field.refocus("a")
-    with pytest.raises(InvalidOption, match="disparity: 'True' is no number"):
+    with pytest.raises(InvalidOption, match="disparity: 'True' is not a number"):
         field.refocus(True)
-    with pytest.raises(InvalidOption, match="aperture: 'a' is no number; give a radius in views"):
+    with pytest.raises(InvalidOption, match="aperture: 'a' is not a number; give a radius in views"):
         field.refocus(np.float32(0.5), aperture="a")
 
 
@@ -195,7 +195,7 @@ def test_pixels_that_slices_leave_out_change_the_pixel_aspect(slices, aspect):
 
 @pytest.mark.parametrize("aspect", [0, -1, float("nan"), float("inf"), True, None, "2"])
 def test_pixel_aspects_out_of_range_are_refused(aspect):
-    with pytest.raises(InvalidOption, match=r"pixel_aspect: .* is no width / height of a pixel; give one"):
+    with pytest.raises(InvalidOption, match=r"pixel_aspect: .* is not a width / height of a pixel; give one"):
         LightField(np.zeros((2, 2, 8, 8, 1), np.uint8), pixel_aspect=aspect)
 
 
@@ -208,7 +208,7 @@ def test_what_is_no_part(wrong):
 
 
 def test_a_part_without_views_is_refused():
-    with pytest.raises(InvalidOption, match=r"shape \(0, 2, 3, 3, 1\) is not taken"):
+    with pytest.raises(InvalidOption, match=r"shape \(0, 2, 3, 3, 1\) is not accepted"):
         LightField(np.zeros((2, 2, 3, 3, 1), np.uint8))[2:]
 
 
@@ -265,11 +265,11 @@ def test_a_grey_array_has_one_channel():
 @pytest.mark.parametrize(
     ("eia", "rows", "words"),
     [
-        ([[1]], 1, "eia: list is not taken; give an array"),
-        (np.zeros((0, 4, 3), np.uint8), 1, r"eia: an array of shape \(0, 4, 3\) is not taken"),
-        (np.zeros(4, np.uint8), 1, r"eia: an array of shape \(4,\) is not taken"),
-        (np.zeros((4, 4, 3), np.uint8), 2.0, "lenses: 2.0 and 2 are no whole numbers"),
-        (np.zeros((4, 4, 3), np.uint8), True, "lenses: True and 2 are no whole numbers"),
+        ([[1]], 1, "eia: list is not accepted; give an array"),
+        (np.zeros((0, 4, 3), np.uint8), 1, r"eia: an array of shape \(0, 4, 3\) is not accepted"),
+        (np.zeros(4, np.uint8), 1, r"eia: an array of shape \(4,\) is not accepted"),
+        (np.zeros((4, 4, 3), np.uint8), 2.0, "lenses: 2.0 and 2 are not whole numbers"),
+        (np.zeros((4, 4, 3), np.uint8), True, "lenses: True and 2 are not whole numbers"),
     ],
 )
 def test_what_is_no_elemental_image_array(eia, rows, words):
@@ -280,7 +280,7 @@ def test_what_is_no_elemental_image_array(eia, rows, words):
 @pytest.mark.parametrize("path", ["", None, 3, b"x"])
 def test_an_output_has_a_name(path, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(InvalidOption, match=r"path: .* is no name; give that of a file or a folder"):
+    with pytest.raises(InvalidOption, match=r"path: .* is not a name; give that of a file or a folder"):
         LightField(np.zeros((2, 2, 3, 4, 3), np.uint8)).save(path)
     assert not list(tmp_path.iterdir())
 

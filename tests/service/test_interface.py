@@ -155,7 +155,7 @@ def test_options_of_a_wrong_type_are_one_line(options):
         (lambda _: ciir.reconstruct("scene:vase", fps=3), "'fps': no such option; known are lenses"),
         (lambda _: ciir.reconstruct("scene:vase", lens_pitch=3), "lens_pitch: 3 is out of range; give 5 to 200"),
         (lambda _: ciir.reconstruct("scene:vase", lenses=(0, -1)), "give rows and columns from 1 to 999,999, such as"),
-        (lambda _: ciir.open("scene:vase", white=3), "white: 3 is no name"),
+        (lambda _: ciir.open("scene:vase", white=3), "white: 3 is not a name"),
         (lambda _: ciir.open(EIA), "a path, a file or bytes, not ndarray"),
         (lambda _: ciir.upscale(EIA, model="field"), "field takes the views of a light field"),
         (lambda _: ciir.upscale(np.zeros((0, 5, 3), np.uint8)), r"images: an array of shape \(0, 5, 3\)"),

@@ -1,4 +1,4 @@
-"""The vertex colours with which a model shows all views best: linear least squares, as a picture is linear in them."""
+"""Fits vertex colours so that a model shows all views best, by linear least squares: a picture is linear in them."""
 
 from __future__ import annotations
 
@@ -21,18 +21,20 @@ if TYPE_CHECKING:
 VIEWS = 3, 15
 """Fewest and most views along v and along u that count."""
 RAYS = 1 << 22
-"""With more, fewer views count: each takes some 100 bytes."""
+"""Most rays; with more, fewer views count. Each ray takes some 100 bytes."""
 DAMPING = 0.2
-"""What keeps the colours given: this share of a usual vertex's weight, squared and summed over its rays."""
+"""Weight of the given colours: this share of a usual vertex's weight, squared and summed over its rays."""
 STEPS = 6
-"""Of conjugate gradients; more change no colour by a level."""
+"""Steps of conjugate gradients; more change no colour by a level."""
 
 
 def fit_colors(scene: Scene, field: LightField, array: LensArray) -> NDArray[np.float32]:
-    """Colours of the scene's vertices `(n, C)` in 8-bit levels, C = 1 or 3, that are nearest to `field`'s views.
+    """Returns the colours of the scene's vertices `(n, C)` in 8-bit levels, C = 1 or 3, that are nearest to `field`'s
+    views.
 
-    Each pixel is the colour that the ray through its middle meets, its triangle's vertices weighted. A vertex that no
-    ray meets keeps its colour. Damped least squares (Levenberg, 1944) by conjugate gradients, scaled by the diagonal.
+    Each pixel is the colour that the ray through its middle hits, weighted among its triangle's vertices. A vertex that
+    no ray hits keeps its colour. Solved as damped least squares (Levenberg, 1944) by conjugate gradients, scaled by the
+    diagonal.
     """
     prepared = PreparedScene(scene)
     rows, seen = [], []
@@ -56,7 +58,7 @@ def fit_colors(scene: Scene, field: LightField, array: LensArray) -> NDArray[np.
 
 
 def _solve(matrix: sparse.csr_array, levels: NDArray[np.float32], start: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The x, `(n, C)`, near `start` with the least `|matrix @ x - levels|`; all channels in the same steps."""
+    """Returns the x, `(n, C)`, near `start` with the least `|matrix @ x - levels|`; all channels use the same steps."""
     transposed = matrix.T.tocsr()
     own = np.asarray(matrix.power(2).sum(axis=0), np.float32)[:, None]  # (n, 1): the diagonal of the normal equations
     damping = np.float32(DAMPING * own[own > 0].mean()) if own.any() else np.float32(1)

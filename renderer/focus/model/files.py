@@ -1,4 +1,4 @@
-"""Models as GLB and PLY files, whose colours are read back as they are, without light.
+"""Writes models as GLB and PLY files whose colours are read back unchanged, without lighting.
 
 A GLB's material has KHR_materials_unlit, and its vertex colours are linear, in float32, so that all 8 bits come back. A
 PLY has no materials: the comment `unlit` in its header is ours, and other programs may light it.
@@ -19,13 +19,16 @@ FORMATS = (".glb", ".ply")
 
 
 def encode_model(model: Model, suffix: str, *, points: bool = False) -> bytes:
-    """The bytes of a file that ends in `suffix`, a key of `FORMATS`; with `points` of its vertices alone, as PLY.
+    """Returns the bytes of a file that ends in `suffix`, one of `FORMATS`; with `points`, of the vertices alone, as
+    PLY.
 
     Raises `InvalidOption` for other formats.
     """
     suffix = suffix.lower()
     if suffix not in FORMATS:
-        raise InvalidOption(f"format: a model is no {suffix or 'file without a suffix'}; give {' or '.join(FORMATS)}")
+        raise InvalidOption(
+            f"format: a model can't be a {suffix or 'file without a suffix'}; give {' or '.join(FORMATS)}"
+        )
     if suffix == ".glb" and points:
         raise InvalidOption("format: points are written as PLY; give .ply")
     return _encode_glb(model) if suffix == ".glb" else _encode_ply(model, points=points)
@@ -34,7 +37,7 @@ def encode_model(model: Model, suffix: str, *, points: bool = False) -> bytes:
 def _encode_glb(model: Model) -> bytes:
     import trimesh
 
-    # As an attribute of its own, which trimesh keeps in float32: it writes its own vertex colours in 8 bits.
+    # A separate attribute stays in float32; trimesh writes its own vertex colours in 8 bits.
     mesh = trimesh.Trimesh(model.vertices, model.faces, process=False)
     mesh.vertex_attributes["_COLOR"] = decode_srgb(model.colors / 255)
 

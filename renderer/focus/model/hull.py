@@ -1,4 +1,4 @@
-"""Where surfaces can lie: not before background that views show (the visual hull: Laurentini, PAMI 16, 1994)."""
+"""Where surfaces can lie: not in front of background that views show (the visual hull: Laurentini, PAMI 16, 1994)."""
 
 from __future__ import annotations
 
@@ -21,15 +21,17 @@ if TYPE_CHECKING:
     from ciir.renderer.views import View
 
 VIEWS = 9
-"""Views along v and along u that count, at most."""
+"""Most views along v and along u that count."""
 SHARE = 0.2
-"""Share of those views in which a triangle may lie before the background: disparities are not exact."""
+"""Share of those views in which a triangle may lie in front of the background: disparities are not exact."""
 COVERED = 0.25
-"""Coverage of a view, between its pixels, below which it sees background: with half, triangles at outlines are lost."""
+"""Coverage of a view, between its pixels, below which it sees background: with 0.5, triangles at outlines are lost."""
 
 
 def find_shown(field: LightField) -> NDArray[np.bool_]:
-    """Where the views show no background, `(V, U, H, W)`: black or transparent, and joined to the picture's border."""
+    """Returns where the views show no background, `(V, U, H, W)`: background is black or transparent, and joined to the
+    picture's border.
+    """
     views = field.views
     levels = views[..., -1:] if field.is_transparent() else views[..., : 1 if views.shape[4] < 3 else 3]
     is_empty: NDArray[np.bool_] = levels.max(axis=4) == 0
@@ -41,7 +43,7 @@ def find_shown(field: LightField) -> NDArray[np.bool_]:
 
 
 def find_share(is_shown: NDArray[np.bool_], view: View, disparity: float) -> NDArray[np.float32]:
-    """The share of views that would see background behind each pixel of `view`, `(H, W)`, at a disparity."""
+    """Returns the share of views that would see background behind each pixel of `view`, `(H, W)`, at a disparity."""
     height, width = is_shown.shape[2:]
     share = np.zeros((height, width), np.float32)
     views = list(_list_views(is_shown))
@@ -53,7 +55,7 @@ def find_share(is_shown: NDArray[np.bool_], view: View, disparity: float) -> NDA
 
 
 def lies_in_hull(points: NDArray[np.float64], coverage: NDArray[np.float32], array: LensArray) -> NDArray[np.bool_]:
-    """Whether few enough views see background where the points `(n, 3)` lie, `(n,)`.
+    """Returns whether few enough views see background where the points `(n, 3)` lie, `(n,)`.
 
     `coverage`, `(V, U, H, W)`: how much of each pixel shows no background, from 0 to 1.
     """
@@ -68,9 +70,10 @@ def lies_in_hull(points: NDArray[np.float64], coverage: NDArray[np.float32], arr
 
 
 def explains_views(scene: Scene, field: LightField, is_shown: NDArray[np.bool_], array: LensArray) -> NDArray[np.bool_]:
-    """Whether each triangle of `scene`, and those around it, are nearer to the views' colours than black is, `(m,)`.
+    """Returns whether each triangle of `scene`, with its neighbours, is nearer to the views' colours than black,
+    `(m,)`.
 
-    So an outline runs where it is best over all views, within a pixel.
+    An outline then runs where it is best over all views, within a pixel.
     """
     prepared = PreparedScene(scene)
     colors = 255 * prepared.colors[:, :3]
@@ -91,6 +94,6 @@ def explains_views(scene: Scene, field: LightField, is_shown: NDArray[np.bool_],
 
 
 def _list_views(is_shown: NDArray[np.bool_]) -> Iterator[View]:
-    """Those that count: spread over the grid, with some background."""
+    """Lists the views that count: spread over the grid, with some background."""
     rows, cols = (np.unique(np.linspace(0, n - 1, VIEWS).round().astype(int)) for n in is_shown.shape[:2])
     return ((int(v), int(u)) for v in rows for u in cols if not is_shown[v, u].all())

@@ -2,8 +2,8 @@
 
 The views of a lens array are parallel projections: a pixel and its disparity m give a point at the distance
 `m * pitch / delta` from the array, on the pixel's ray. The centre view gives most of the surface, and the views in the
-corners of the grid what only they see. Where the views show a background, no surface may hide it (`hull`). The colours
-are those with which the model is nearest to all views (`colors`).
+corners of the grid add what only they see. Where the views show a background, no surface may hide it (`hull`). The
+colours are those with which the model is nearest to all views (`colors`).
 """
 
 from __future__ import annotations
@@ -35,16 +35,17 @@ if TYPE_CHECKING:
     from ciir.renderer.views import View
 
 BEFORE_BACKGROUND = 40.0
-"""8-bit levels that a disparity costs a pixel where all views see background behind it."""
+"""8-bit levels that a disparity costs a pixel if all views see background behind it."""
 LEAST_BACKGROUND = 0.05
-"""Share of all pixels that show background; fewer, such as the dark corners of a camera's views, are surface."""
+"""Share of all pixels that show background; fewer, such as the dark corners of a camera's views, count as surface."""
 FARTHER = 0.5
-"""How much farther, as a share of the centre view's range of disparities, what it does not see may lie."""
+"""How much farther content that the centre view does not see may lie, as a share of that view's range of
+disparities."""
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """Triangles, or points alone, whose colours hold the light of the scene: they are not to be lit again."""
+    """Triangles, or points alone, whose colours include the light of the scene: they are not to be lit again."""
 
     vertices: NDArray[np.float64]
     """`(n, 3)`, in the coordinates of the lens array (`renderer.lens_array`)."""
@@ -53,18 +54,18 @@ class Model:
     faces: NDArray[np.int32]
     """`(m, 3)`, counter-clockwise as seen from the array."""
     array: LensArray
-    """Whose views the light field holds; its elemental image array shows the model as it was captured."""
+    """Lens array whose views the light field holds; its elemental image array shows the model as it was captured."""
     notes: tuple[str, ...] = ()
 
     def scene(self) -> Scene:
-        """The model for the rendering backends, in place before `array`."""
+        """Returns the model for the rendering backends, in its place in front of `array`."""
         colors = np.pad(self.colors / np.float32(255), ((0, 0), (0, 1)), constant_values=1).astype(np.float32)
         return Scene((Part(self.vertices, self.faces, colors),), self.notes)
 
     def save(self, path: str | PathLike[str], *, points: bool = False) -> None:
-        """Writes the model as `.glb` or `.ply`; with `points` its vertices alone, as `.ply`.
+        """Writes the model as `.glb` or `.ply`; with `points`, its vertices alone, as `.ply`.
 
-        Raises `InvalidOption` where `path` can't be written or its format is another one.
+        Raises `InvalidOption` if `path` can't be written or has another format.
         """
         from ciir.renderer.focus.model.files import encode_model
         from ciir.renderer.writers.atomic_write import read_path, replacing
@@ -78,20 +79,20 @@ class Model:
 def make_model(
     light_field: LightField, *, pitch: float | None = None, delta: float | None = None, keeps_background: bool = False
 ) -> Model:
-    """The model of what `light_field` shows: about four triangles a pixel, and sixteen where views show background.
+    """Makes a model of what `light_field` shows: about four triangles per pixel, and sixteen if views show background.
 
-    `pitch`: between lenses, by default 1, so that lengths are in pixels of a view; `delta`: the tangent from one view
-    to the next, by default that of `renderer.lens_array`, with a note. A wrong one stretches the model along z, and
-    changes no view that the same one renders. Views of a camera array are taken as those of the lens array that shows
-    the same: what has no disparity lies in its plane, what is nearer before it; along z the model is then to scale as
-    disparities are, not as distances.
+    `pitch`: the distance between lenses, by default 1, so that lengths are in pixels of a view. `delta`: the tangent
+    from one view to the next, by default that of `renderer.lens_array`, with a note. A wrong one stretches the model
+    along z, and changes no view that is rendered with the same one. Views of a camera array are taken as those of the
+    lens array that shows the same: content without disparity lies in its plane, nearer content in front of it. Along z
+    the model is then to scale in disparities, not in distances.
 
     Surfaces are cut where the disparity jumps so far from one pixel to the next that the farther half of the views on
-    one side would not see what lies between. `keeps_background`: otherwise pixels that are black, or transparent, and
-    joined to the picture's border by others are no surface, where they are over `LEAST_BACKGROUND` of all pixels.
-    Colours of 16-bit views that use fewer bits are as bright as if they used all.
+    one side would not see what lies between. Without `keeps_background`, pixels that are black or transparent and
+    joined to the picture's border by others are no surface, if they are over `LEAST_BACKGROUND` of all pixels. Colours
+    of 16-bit views that use fewer bits are as bright as if they used all.
 
-    Raises `InvalidOption` for a single view and where nothing but background is there.
+    Raises `InvalidOption` for a single view and if there is nothing but background.
     """
     from trimesh.remesh import subdivide
 
@@ -106,7 +107,7 @@ def make_model(
     is_shown |= not has_background
     coverage = _find_coverage(field, is_shown) if has_background else None
     center = center_view(count_v, count_u)
-    most = 1 / (max(count_v - 1 - center[0], count_u - 1 - center[1]) // 2 + 1)  # in view k it is 1 - k * jump wide
+    most = 1 / (max(count_v - 1 - center[0], count_u - 1 - center[1]) // 2 + 1)  # in view k a gap is 1 - k * jump wide
     corners = [(v, u) for v in dict.fromkeys((0, count_v - 1)) for u in dict.fromkeys((0, count_u - 1))]
 
     def cost(view: View, disparity: float) -> NDArray[np.float32]:
@@ -151,27 +152,28 @@ def make_model(
     colors = np.broadcast_to(fit_colors(model.scene(), field, array) + np.float32(0.5), model.colors.shape)
     model = replace(model, colors=colors.astype(np.uint8))
     if not delta:
-        notes = (*notes, f"delta: unknown and taken as {array.delta:.4g}, which sets the model's length along z")
+        notes = (*notes, f"delta: unknown and assumed to be {array.delta:.4g}; it sets the model's length along z")
     return replace(_drop_unused(model), notes=(*light_field.notes, *notes))
 
 
 def _prepare_views(light_field: LightField) -> LightField:
-    """The light field of a lens array, with levels that use all bits where they are of 16."""
+    """Returns the light field of a lens array, with levels that use all bits if they have 16."""
     unused = count_unused_bits(light_field.views)
     field = light_field.with_depth_sense("lenses")
     return replace(field, views=raise_levels(field.views, unused))
 
 
 def _read_picture(view: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.float64]:
-    """RGB of a view of any channels, `(H, W, 3)`, from 0 to 255."""
+    """Returns RGB of a view with any channels, `(H, W, 3)`, from 0 to 255."""
     colours = view[..., :1] if view.shape[2] < 3 else view[..., :3]
     return np.broadcast_to(colours / (np.iinfo(view.dtype).max / 255), (*view.shape[:2], 3))
 
 
 def _clear_rim(picture: NDArray[np.float64], is_shown: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """`picture` `(H, W, 3)` without the black of the background in the pixels beside it, of which lenses see the mean.
+    """Returns `picture` `(H, W, 3)` with the background's black removed from the pixels next to it, where lenses
+    average both.
 
-    They take the lighter of their colour and that of the nearest pixel inside.
+    These pixels take the lighter of their own colour and that of the nearest pixel inside.
     """
     is_inner = ndimage.binary_erosion(is_shown, np.ones((3, 3)), border_value=1)
     if is_inner.all() or not is_inner.any():
@@ -182,7 +184,9 @@ def _clear_rim(picture: NDArray[np.float64], is_shown: NDArray[np.bool_]) -> NDA
 
 
 def _find_coverage(field: LightField, is_shown: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """How much of each pixel shows no background, `(V, U, H, W)`: its light as a share of that of `_clear_rim`."""
+    """Returns how much of each pixel shows no background, `(V, U, H, W)`: its light as a share of that of
+    `_clear_rim`.
+    """
     coverage = is_shown.astype(np.float32)
     for view in np.ndindex(is_shown.shape[:2]):
         picture = _read_picture(field.views[view])
@@ -191,7 +195,7 @@ def _find_coverage(field: LightField, is_shown: NDArray[np.bool_]) -> NDArray[np
 
 
 def _grow(is_there: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """With the eight pixels around each: surfaces then overlap, and no gap between them lets light through."""
+    """Grows the mask by the eight pixels around each: surfaces then overlap, without gaps that let light through."""
     grown: NDArray[np.bool_] = ndimage.binary_dilation(is_there, np.ones((3, 3)))
     return grown
 
@@ -199,7 +203,7 @@ def _grow(is_there: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def _place(
     x: NDArray[np.float64], y: NDArray[np.float64], disparity: NDArray[np.float64], array: LensArray, view: View
 ) -> NDArray[np.float64]:
-    """The points `(n, 3)` that `view` shows at pixels `(y, x)` with a disparity."""
+    """Returns the points `(n, 3)` that `view` shows at pixels `(y, x)` with a disparity."""
     distance = disparity * array.pitch / array.delta
     across = (x - (array.cols - 1) / 2) * array.pitch + array.tangent_x()[view[1]] * distance
     up = ((array.rows - 1) / 2 - y) * array.pitch + array.tangent_y()[view[0]] * distance
@@ -216,7 +220,7 @@ def _join(first: Model, second: Model) -> Model:
 
 
 def _drop_unused(model: Model) -> Model:
-    """The model without vertices that no triangle uses."""
+    """Returns the model without vertices that no triangle uses."""
     used, faces = np.unique(model.faces, return_inverse=True)
     return replace(
         model, vertices=model.vertices[used], colors=model.colors[used], faces=faces.reshape(-1, 3).astype(np.int32)

@@ -1,7 +1,7 @@
-"""The surface that one view shows: a small square for each pixel, joined with those beside it at about its disparity.
+"""The surface that one view shows: a small square for each pixel, joined to neighbours with about the same disparity.
 
 Each square has a vertex in the pixel's centre, with its colour and its disparity, and one in each corner, with the mean
-of the pixels that meet there on one surface. So a cut surface ends half a pixel beyond its last pixel's centre, where
+of the pixels that meet there on one surface. A cut surface thus ends half a pixel beyond its last pixel's centre, where
 the view has its edge, and no colour of one side is on the other.
 """
 
@@ -36,10 +36,10 @@ class Patch:
 def make_patch(
     picture: NDArray[Any], disparity: NDArray[np.floating], is_used: NDArray[np.bool_], most: float
 ) -> Patch:
-    """Four triangles for each pixel of `picture`, `(H, W, 3)`, that `is_used`, `(H, W)`.
+    """Makes four triangles for each pixel of `picture`, `(H, W, 3)`, that `is_used`, `(H, W)`.
 
     Pixels that meet in a corner are joined there unless their `disparity`, `(H, W)`, jumps by over `most` between them:
-    in the order of disparities, those up to the jump are one surface, and those behind it another.
+    in the order of disparities, those up to the jump are one surface, and those after it another.
     """
     height, width = disparity.shape
     around = [(slice(a, height + 1 + a), slice(b, width + 1 + b)) for a in (0, 1) for b in (0, 1)]
@@ -53,7 +53,7 @@ def make_patch(
     with np.errstate(invalid="ignore"):  # between two pixels that are not used
         jumps = np.diff(ranked, axis=0, prepend=ranked[:1]) > most
     surface = np.empty_like(order)
-    np.put_along_axis(surface, order, jumps.cumsum(axis=0), axis=0)  # 0 to 3: which of a corner's surfaces
+    np.put_along_axis(surface, order, jumps.cumsum(axis=0), axis=0)  # 0 to 3: the number of the surface in its corner
 
     found = np.zeros((4, height + 1, width + 1, 4))  # disparity and colour of each surface in each corner
     for number in range(4):
@@ -63,7 +63,7 @@ def make_patch(
         found[number, ..., 1:] = np.einsum("kyx,kyxc->yxc", share, colours)
 
     y, x = np.nonzero(is_used)
-    corners = [  # of each pixel: upper left, upper right, lower left, lower right
+    corners = [  # for each pixel: upper left, upper right, lower left, lower right
         len(y) + np.ravel_multi_index((surface[3 - 2 * a - b, y + a, x + b], y + a, x + b), found.shape[:3])
         for a in (0, 1)
         for b in (0, 1)

@@ -1,1 +1,1 @@
-"""Stereo matching: which disparity fits each pixel of a view, in clean and in noisy views."""
+"""Stereo matching: finds the disparity that fits each pixel of a view, in clean and in noisy views."""

@@ -1,7 +1,7 @@
 """Conjugate gradients, scaled by the diagonal (Hestenes and Stiefel, 1952).
 
-SciPy's take inner products by BLAS, whose threads wait for one another in a loop. Where other processes use the cores
-too, a map of 256x256 pixels so took 1.3 s of processor time, and takes 0.05 s without.
+SciPy's version takes inner products with BLAS, whose threads wait for one another in a loop. If other processes use the
+cores too, a map of 256x256 pixels took 1.3 s of processor time that way, and takes 0.05 s without it.
 """
 
 from __future__ import annotations
@@ -24,10 +24,12 @@ def solve(
     steps: int,
     tolerance: float = 0.0,
 ) -> NDArray[Any]:
-    """The x, of the shape of `wanted`, `(n,)` or `(n, k)`, with `apply(x) = wanted`: of k columns each by itself.
+    """Returns the x, of the shape of `wanted`, `(n,)` or `(n, k)`, with `apply(x) = wanted`, for each of k columns by
+    itself.
 
     `apply` multiplies by a symmetric, positive definite matrix with this `diagonal`, which is broadcast against
-    `wanted`. It ends after `steps`, or where the residual has fallen to `tolerance` of `wanted` in every column.
+    `wanted`. The iteration ends after `steps`, or when the residual has fallen to `tolerance` of `wanted` in every
+    column.
     """
     x: NDArray[Any] = np.zeros_like(wanted)
     residual = wanted

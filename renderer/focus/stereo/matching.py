@@ -13,17 +13,18 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SMALL_STEP, LARGE_STEP = 1.0, 20.0
-"""What it costs a pixel to lie one plane from its neighbour, and further: in 8-bit levels."""
+"""Cost for a pixel to lie one plane from its neighbour, and further away: in 8-bit levels."""
 EDGE = 8.0
 """8-bit levels between two pixels that halve the cost of a large step."""
 UNSURE = 8.0
-"""8-bit levels over all paths by which the usual plane fits worse than a perfect one where confidence is 1/2."""
+"""8-bit levels over all paths by which the usual plane fits worse than a perfect one when confidence is 1/2."""
 
 
 def match(
     cost: NDArray[np.float32], guide: NDArray[np.float32], planes: NDArray[np.float64]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The disparity of each pixel and its confidence, from 0, where all planes fit alike, to 1; both `(H, W)`.
+    """Returns the disparity of each pixel and its confidence, from 0 if all planes fit equally well, to 1; both
+    `(H, W)`.
 
     `cost`: `(n, H, W)`, how badly each of the n evenly spaced `planes` fits, in 8-bit levels. `guide`: `(C, H, W)`, the
     view, whose edges may be edges of depth.

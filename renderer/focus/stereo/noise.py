@@ -1,4 +1,4 @@
-"""The noise of a picture, by which pixels of different views that see the same point differ."""
+"""Measures the noise of a picture, which makes pixels of different views differ although they see the same point."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ _LAPLACIANS = np.outer((1, -2, 1), (1, -2, 1))
 
 
 def estimate_noise(picture: NDArray[Any]) -> float:
-    """The standard deviation of the noise in `picture`, `(H, W, C)`, in its units.
+    """Returns the standard deviation of the noise in `picture`, `(H, W, C)`, in its units.
 
-    By Immerkaer's operator (CVIU 64, 1996) with the lower quartile in place of the mean, so that edges hardly count.
+    Uses Immerkaer's operator (CVIU 64, 1996) with the lower quartile in place of the mean, so that edges hardly count.
     """
     changes = np.abs(ndimage.convolve(picture.astype(np.float32), _LAPLACIANS[..., np.newaxis], mode="mirror"))
     return float(np.quantile(changes, 0.25)) / (6 * 0.3186)
 
 
 def measure_blur(deviation: float) -> float:
-    """The share of its noise that a picture keeps under a Gaussian of that standard deviation, in pixels."""
+    """Returns the share of its noise that a picture keeps under a Gaussian of that standard deviation, in pixels."""
     impulse = np.zeros(2 * math.ceil(4 * deviation) + 1)
     impulse[len(impulse) // 2] = 1
     return float(np.square(ndimage.gaussian_filter1d(impulse, deviation)).sum()) if deviation else 1.0

@@ -1,10 +1,11 @@
-"""All views together correct a disparity map that few of them gave, of noisy views most.
+"""Corrects a disparity map, which few views gave, with all views together; maps of noisy views gain most.
 
-Looked up along a pixel's disparity that is wrong by e, the view at (v, u) from the wanted one differs from the mean of
-all by e * (v*Iy + u*Ix). Least squares over all views (Lucas and Kanade, IJCAI 1981) have the least variance that
+If a pixel's disparity is wrong by e, the view at (v, u) from the wanted one, looked up along it, differs from the mean
+of all by e * (v*Iy + u*Ix). Least squares over all views (Lucas and Kanade, IJCAI 1981) have the least variance that
 unbiased estimates can have; views that show something else count less. Pixels then share what they show with their
-neighbours, each by its variance, not across steps of the map (weighted least squares, Farbman et al., SIGGRAPH 2008).
-Blurred views find what is far off where texture is weak; sharp ones, last, do not mix both sides of an outline.
+neighbours, each according to its variance, but not across steps of the map (weighted least squares, Farbman et al.,
+SIGGRAPH 2008). Blurred views find what is far off where texture is weak; sharp ones come last and do not mix both sides
+of an outline.
 """
 
 from __future__ import annotations
@@ -33,32 +34,34 @@ MOST_VIEWS = 9
 
 
 class Round(NamedTuple):
-    """A correction of the map before it."""
+    """One correction of the map."""
 
     blur: float
-    """Of the views, standard deviation in pixels: an error has to move a view by less than its details measure."""
+    """Blur of the views, standard deviation in pixels: an error has to move a view by less than the size of its
+    details."""
     smoothness: float
-    """Of the disparity, in pixels to the power of -2: how much neighbours that agree count beside what they show."""
+    """Smoothness of the disparity, in pixels to the power of -2: how much agreeing neighbours count next to what they
+    show."""
     slopes: bool
-    """Whether neighbours agree that differ by the slope around them, in place of those that are equal."""
+    """Whether neighbours agree if they differ by the slope around them, rather than if they are equal."""
 
 
 FIRST = tuple(Round(blur, 300.0, slopes=True) for blur in (1.5, 0.8, 0.3))
-"""For maps with large errors."""
+"""Corrections of maps with large errors."""
 LAST = Round(0.3, 300.0, slopes=True), Round(0.3, 100.0, slopes=False)
-"""For outlines, near which slopes are wrong."""
+"""Corrections of outlines, near which slopes are wrong."""
 CLEAN = (Round(0.3, 300.0, slopes=True),)
-"""For maps of clean views, which are wrong by fractions of a plane."""
+"""Corrections of maps of clean views, which are wrong by fractions of a plane."""
 STEP = 0.1
-"""Pixels between neighbours that lower the smoothness by e."""
+"""Difference between neighbours, in pixels, that lowers the smoothness by a factor of e."""
 SLOPE = 3.0
 """Standard deviation in pixels of the Gaussian window whose steps are a slope."""
 STEPS = 100
-"""Of conjugate gradients, at most."""
+"""Most steps of conjugate gradients."""
 ROWS = 32
-"""Of pixels, that are computed at a time."""
+"""Rows of pixels that are computed at a time."""
 AROUND = 3
-"""Rows on each side of them that they depend on: by a gradient, and by the window of each of two weightings."""
+"""Rows on each side that they depend on: through a gradient, and through the window of each of two weightings."""
 
 
 def refine(
@@ -71,11 +74,11 @@ def refine(
     own: Picture | None = None,
     most: int = MOST_VIEWS,
 ) -> Picture:
-    """`disparity` `(H, W)` of `view`, corrected with the views `(V, U, H, W, C)` of `select_views`, `most` rows and
-    columns of them.
+    """Returns `disparity` `(H, W)` of `view`, corrected with `most` rows and columns of the views `(V, U, H, W, C)`
+    that `select_views` picks.
 
     `noise`: its standard deviation, in 8-bit levels. `own`: the view with less noise, `(C, H, W)` in 8-bit levels;
-    views that differ from it count less. Without it those do that differ from the mean of all.
+    views that differ from it count less. Without `own`, views that differ from the mean of all count less.
     """
     rows, cols = select_views(views.shape[:2], view, most)
     places = [(int(v), int(u)) for v in rows for u in cols]
@@ -98,7 +101,9 @@ def refine(
 def select_views(
     grid: tuple[int, ...], view: View, most: int = MOST_VIEWS
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and columns of the `grid` at most half of it from `view`: at most `most` of each, evenly spread."""
+    """Returns rows and columns of the `grid` at most half of it away from `view`: up to `most` of each, evenly
+    spread.
+    """
     farthest = max(grid) // 2
     ranges = ((max(0, at - farthest), min(count, at + farthest + 1)) for count, at in zip(grid, view, strict=True))
     rows, cols = (
@@ -110,9 +115,11 @@ def select_views(
 def _correct(
     pictures: list[Picture], offsets: Picture, disparity: Picture, noise: float, part: slice, *, own: Picture | None
 ) -> tuple[Picture, Picture]:
-    """For some rows, `(h, W)` each: the error times the information, and the information, the variance's inverse.
+    """Returns, for some rows, the error times the information, and the information, the variance's inverse: `(h, W)`
+    each.
 
-    `pictures`: n of `(C, H, W)`. `offsets`: `(n, 2)`, where they stand from the wanted view. `own`: as in `refine`.
+    `pictures`: n of `(C, H, W)`. `offsets`: `(n, 2)`, their position relative to the wanted view. `own`: as in
+    `refine`.
     """
     height, width = disparity.shape
     start, stop = max(0, part.start - AROUND), min(height, part.stop + AROUND)
@@ -127,7 +134,7 @@ def _correct(
             ndimage.map_coordinates(picture, at, result, order=1, mode="nearest")
     if own is None:
         weights = is_inside
-        for _ in range(2):  # the second mean is of views that agree with the first
+        for _ in range(2):  # the second mean is over views that agree with the first
             weights = _weigh(looked_up, _average(looked_up, weights)[1], is_inside, noise)
     else:
         weights = _weigh(looked_up, own[:, start:stop], is_inside, noise)
@@ -145,28 +152,30 @@ def _correct(
 
 
 def _weigh(looked_up: Picture, shown: Picture, is_inside: Picture, noise: float) -> Picture:
-    """Less for pixels that are far from what is shown, `(C, h, W)`: something else hides the point there."""
+    """Returns weights that are lower for pixels far from what is shown, `(C, h, W)`: something else hides the point
+    there.
+    """
     squares = np.zeros_like(is_inside)
     for channel in range(len(shown)):
         squares += np.square(looked_up[:, channel] - shown[channel])
     squares = ndimage.uniform_filter(squares / len(shown), 3, axes=(1, 2))
-    usual = (noise / 2) ** 2 + 9  # the blur halves the noise at least; 3 levels for what the map's error does
+    usual = (noise / 2) ** 2 + 9  # the blur at least halves the noise; 3 levels are for the map's error
     result: Picture = is_inside / (1 + np.square(squares / usual))
     return result
 
 
 def _average(looked_up: Picture, weights: Picture) -> tuple[Picture, Picture]:
-    """The sum of the weights `(h, W)` and the mean `(C, h, W)`."""
+    """Returns the sum of the weights `(h, W)` and the mean `(C, h, W)`."""
     total = np.maximum(weights.sum(axis=0), 1e-3)
     return total, np.einsum("nhw,nchw->chw", weights, looked_up) / total
 
 
 def _smooth(disparity: Picture, error: Picture, information: Picture, one: Round) -> Picture:
-    """The map d that minimises the sum of `information * (d - disparity)**2 - 2 * error * (d - disparity)` and of the
-    smoothness times the squared steps between neighbours, from which slopes are taken off; less where `disparity` has
-    a step.
+    """Returns the map d that minimises the sum of `information * (d - disparity)**2 - 2 * error * (d - disparity)` and
+    of the smoothness times the squared steps between neighbours, minus the slopes. The smoothness is lower where
+    `disparity` has a step.
     """
-    diagonal = information.astype(np.float64) + 1e-3  # where nothing is seen, the map stays, by the last digits
+    diagonal = information.astype(np.float64) + 1e-3  # keeps the map where nothing is seen
     known = error + diagonal * disparity
     weights = []
     for axis in (0, 1):
@@ -193,7 +202,7 @@ def _smooth(disparity: Picture, error: Picture, information: Picture, one: Round
 
 
 def _average_steps(steps: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The mean of the steps around each pixel, of large ones less."""
+    """Returns the mean of the steps around each pixel, with less weight for large ones."""
     weights = np.exp(np.abs(steps) / -STEP)
     total, count = (ndimage.gaussian_filter(part, SLOPE) for part in (weights * steps, weights))
     result: NDArray[np.float64] = total / np.maximum(count, 1e-6)

@@ -1,4 +1,4 @@
-"""The range of disparities of a light field: what small views show, compared at all that move them by an eighth."""
+"""Finds a light field's range of disparities in small views, by comparing all disparities up to an eighth of a view."""
 
 from __future__ import annotations
 
@@ -19,30 +19,31 @@ if TYPE_CHECKING:
     from ciir.renderer.views import View
 
 LEAST_SIDE = 4
-"""Pixels along a side of the smallest views: half of them are at the border."""
+"""Pixels along a side of the smallest views: half of their pixels are at the border."""
 COARSE = 96
 """Pixels along the longer side of the pictures in which the range of disparities is found."""
 COARSE_PARTS = 4
-"""Planes to a pixel of disparity of those pictures."""
+"""Planes per pixel of disparity in those pictures."""
 SURE = 0.5
-"""Confidence from which a pixel counts, or from the median on where that is lower."""
+"""Confidence from which a pixel counts, or the median confidence if that is lower."""
 EVEN = 0.5
-"""Pixels by which the disparities around a pixel differ at most where it counts: those around an error differ more."""
+"""Most pixels by which the disparities around a pixel may differ for it to count: around an error they differ more."""
 MARGIN = 0.08
-"""Of a range, on each side."""
+"""Margin on each side of a range, as a share of it."""
 TEXTURE = 2.0
-"""8-bit levels from one pixel to the next from which a pixel has texture."""
+"""Smallest difference to the next pixel, in 8-bit levels, with which a pixel has texture."""
 LEAST_SHARE = 0.01
-"""Of the pixels, that show a disparity, for a usual range."""
+"""Smallest share of the pixels that must show a disparity for a usual range."""
 GAP = 1.0
-"""Pixels of those pictures between disparities that belong to one range, in the corners of the grid."""
+"""Largest gap, in pixels of those pictures, between disparities that belong to one range in the corners of the grid."""
 
 
 def find_limits(views: NDArray[Any], *, corners: bool = True) -> tuple[float, float]:
-    """The range of disparities that the centre view sees, and with `corners` what only the views in the corners see.
+    """Returns the range of disparities that the centre view sees and, with `corners`, that only the corner views see.
 
-    A corner sees what is nearer or farther at the borders. It has no view on two of its sides, so patterns that repeat
-    look like disparities far from all others there: its range goes on from the centre's, without a gap of over `GAP`.
+    A corner view sees what is nearer or farther at the borders. It has no view on two of its sides, so repeating
+    patterns look there like disparities far from all others: its range extends the centre's without a gap of over
+    `GAP`.
     """
     views = raise_levels(views, count_unused_bits(views))
     grid = views.shape[:2]
@@ -56,21 +57,21 @@ def find_limits(views: NDArray[Any], *, corners: bool = True) -> tuple[float, fl
 
 
 def find_reach(size: tuple[int, int]) -> float:
-    """The largest disparity that is looked for in views of `size`, either way."""
+    """Returns the largest disparity, in either direction, that is searched in views of `size`."""
     factor = _find_factor(size)
     return factor * _count_planes(max(size) // factor) / COARSE_PARTS
 
 
 def ends_search(limits: tuple[float, float], size: tuple[int, int]) -> bool:
-    """Whether `find_limits` gave these for views of `size` because the search ends there."""
+    """Returns whether `find_limits` gave these limits for views of `size` because the search ends there."""
     low, high = limits
     return max(-low, high) - MARGIN / (1 + 2 * MARGIN) * (high - low) >= find_reach(size)
 
 
 def find_usual_range(views: NDArray[Any]) -> tuple[float, float] | None:
-    """The disparities between which most of the centre view lies, but for 2 % at each end: about, and quickly.
+    """Returns the disparities between which the centre view lies, except 2 % at each end: approximate, but quick.
 
-    None for views of less than `LEAST_SIDE` pixels along a side, and where pixels with texture hardly show any.
+    Returns None for views of less than `LEAST_SIDE` pixels along a side, and if pixels with texture hardly show any.
     """
     if min(views.shape[2:4]) < LEAST_SIDE:
         return None
@@ -85,8 +86,8 @@ def find_usual_range(views: NDArray[Any]) -> tuple[float, float] | None:
 def _look_coarsely(
     views: NDArray[Any], view: View, factor: int, window: int = 1, *, textured: bool = False
 ) -> NDArray[np.float32]:
-    """The disparities that `view` shows with confidence, `(n,)`: from a sweep over pictures that are smaller by
-    `factor`, in pixels of those, with the next views alone. `window`: side of a median filter against errors.
+    """Returns the disparities that `view` shows with confidence, `(n,)`, from a sweep over pictures that are smaller by
+    `factor`, in pixels of those, with only the nearest views. `window`: side of a median filter against errors.
     `textured`: whether only pixels with texture count.
     """
     height, width = views.shape[2:4]
@@ -109,7 +110,7 @@ def _look_coarsely(
 
 
 def find_texture(picture: NDArray[np.float32], grid: tuple[int, ...]) -> NDArray[np.bool_]:
-    """The pixels, `(H, W)`, that change along an axis along which views of a `grid` of them (rows, columns) move.
+    """Returns the pixels, `(H, W)`, that change along an axis along which the views of a `grid` (rows, columns) move.
 
     `picture`: `(C, H, W)` in 8-bit levels.
     """
@@ -120,30 +121,32 @@ def find_texture(picture: NDArray[np.float32], grid: tuple[int, ...]) -> NDArray
 
 
 def _find_factor(size: tuple[int, ...]) -> int:
-    """By which views of `size` are made smaller."""
+    """Returns the factor by which views of `size` are made smaller."""
     return max(1, min(-(-max(size) // COARSE), min(size) // LEAST_SIDE))
 
 
 def _count_planes(side: int) -> int:
-    """How many planes are compared on each side of disparity 0: up to an eighth of the longer side."""
+    """Returns how many planes are compared on each side of disparity 0: up to an eighth of the longer side."""
     return side // 4 * 2
 
 
 def _find_ends(found: NDArray[Any]) -> tuple[float, float]:
-    """The least and the largest disparity but for half a percent at each end; 0 where none was found."""
+    """Returns the smallest and the largest disparity except half a percent at each end; 0 if none was found."""
     low, high = np.quantile(found, (0.005, 0.995)) if found.size else (0.0, 0.0)
     return float(low), float(high)
 
 
 def _find_range(found: NDArray[Any]) -> tuple[float, float]:
-    """The ends with a margin: near the border, where few views reach, the nearest is not seen."""
+    """Returns the ends with a margin: near the border, where few views reach, the nearest content is not seen."""
     low, high = _find_ends(found)
     margin = max(0.5 / COARSE_PARTS, MARGIN * (high - low))
     return low - margin, high + margin
 
 
 def _select_joined(found: NDArray[Any], low: float, high: float) -> NDArray[Any]:
-    """The disparities, `(n,)`, that are reached from the range of `low` to `high` without a gap of over `GAP`."""
+    """Returns the disparities, `(n,)`, that can be reached from the range of `low` to `high` without a gap of over
+    `GAP`.
+    """
     ordered = np.sort(np.append(found, [low, high]))
     groups = np.cumsum(np.diff(ordered, prepend=ordered[0]) > GAP)
     first, last = groups[np.searchsorted(ordered, [low, high])]

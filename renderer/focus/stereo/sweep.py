@@ -1,9 +1,9 @@
-"""A plane sweep: how badly each of some disparities fits each pixel of a view.
+"""A plane sweep: measures how badly each of a set of disparities fits each pixel of a view.
 
 The view is compared with others in its row and its column of the grid, up to half the grid away: each of them moves
 along one axis only, by a multiple of a fraction of a pixel, so that few interpolated pictures serve all planes.
 Something in front may hide a pixel from the views on one side. So those on the left, on the right, above and below are
-compared by themselves, and the side that agrees best counts, beside all of them together, which keep outlines sharp.
+compared separately, and the side that agrees best counts, together with all of them at once, which keep outlines sharp.
 """
 
 from __future__ import annotations
@@ -26,28 +26,28 @@ if TYPE_CHECKING:
     from ciir.renderer.views import View
 
 MOST_DIFFERENCE = 8.0
-"""8-bit levels: larger differences are as wrong as this one."""
+"""Largest difference that counts, in 8-bit levels: larger ones are as wrong as this one."""
 MOST_SHIFT = 0.35
-"""Pixels: differences as a shift by this much makes count too, so that fine texture fits one plane better than others.
-"""
+"""Shift in pixels: differences that this much shift makes count too, so that fine texture fits one plane better than
+others."""
 _AXES = (1, 2)
-"""Down and across, in a picture `(C, H, W)`."""
+"""The axes down and across in a picture `(C, H, W)`."""
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A view that is compared, and where it stands."""
+    """A view to compare with, and its position."""
 
     axis: int
-    """Of `_AXES`: the one along which it lies from the view that is swept."""
+    """The one of `_AXES` along which it lies from the swept view."""
     distance: int
-    """How many views away, with its sign."""
+    """Distance in views, with its sign."""
     phases: Mapping[int, NDArray[np.float32]]
-    """`(C, H, W)` each: sampled so many nths of a pixel further on."""
+    """The picture by phase, `(C, H, W)` each: sampled that many nths of a pixel further on."""
 
 
 class Sweep:
-    """The views around one view."""
+    """The views around one view that it is compared with."""
 
     def __init__(
         self,
@@ -60,9 +60,9 @@ class Sweep:
         blur: float = 0.0,
         own: NDArray[np.float32] | None = None,
     ) -> None:
-        """`views`: `(V, U, H, W, C)`, alpha is ignored. `parts`: n, planes are whole multiples of 1/n pixels a view.
-        `farthest`: views further away are not compared. `compared`: how many are on each side, at most, evenly spread.
-        `blur`: standard deviation in pixels, against noise. `own`: the view itself with less noise, as `self.own`.
+        """`views`: `(V, U, H, W, C)`, alpha is ignored. `parts`: n; planes are whole multiples of 1/n pixels per view.
+        `farthest`: views further away are not compared. `compared`: the most views on each side, evenly spread. `blur`:
+        standard deviation in pixels, against noise. `own`: the view itself with less noise, as `self.own`.
         """
         self._parts = parts
         self.own = _blur(read_levels(views[view]), blur) if own is None else own
@@ -70,7 +70,7 @@ class Sweep:
         gradient = np.sqrt(np.mean(np.square(np.gradient(self.own, axis=_AXES)), axis=1)).max(axis=0)
         self._most = MOST_DIFFERENCE + MOST_SHIFT * gradient  # (H, W)
         self.most_cost = 2 * self._most
-        """`(H, W)`: what a plane costs that fits badly."""
+        """`(H, W)`: the cost of a plane that fits badly."""
         self._sides: list[list[Picture]] = []
         for axis, count, at in zip(_AXES, views.shape[:2], view, strict=True):
             for sign, reach in ((-1, at), (1, count - 1 - at)):
@@ -87,7 +87,7 @@ class Sweep:
                     self._sides.append(side)
 
     def compare(self, planes: Sequence[int]) -> NDArray[np.float32]:
-        """The cost of each of `planes`, in parts of a pixel a view: `(planes, H, W)` in 8-bit levels.
+        """Returns the cost of each of `planes`, in parts of a pixel per view: `(planes, H, W)` in 8-bit levels.
 
         A plane in which no other view reaches a pixel costs half as much as one that fits badly.
         """
@@ -112,7 +112,7 @@ class Sweep:
             every += total
             reached += count
             with np.errstate(divide="ignore", invalid="ignore"):
-                np.fmin(least, total / count, out=least)  # not a number where no view of this side reaches
+                np.fmin(least, total / count, out=least)  # NaN where no view of this side reaches
         np.maximum(reached, 1, out=reached)
         np.divide(every, reached, out=every)
         np.minimum(np.sqrt(least), self._most, out=cost)
@@ -120,7 +120,7 @@ class Sweep:
 
 
 def read_levels(view: NDArray[Any]) -> NDArray[np.float32]:
-    """`(C, H, W)` in 8-bit levels, without alpha, of a view `(H, W, C)`."""
+    """Returns `(C, H, W)` in 8-bit levels, without alpha, of a view `(H, W, C)`."""
     colors = 1 if view.shape[2] < 3 else 3
     levels = view[..., :colors].transpose(2, 0, 1).astype(np.float32, order="C")
     if np.issubdtype(view.dtype, np.integer):
@@ -134,14 +134,14 @@ def _blur(picture: NDArray[np.float32], deviation: float) -> NDArray[np.float32]
 
 
 def find_overlap(length: int, by: int) -> tuple[slice, slice]:
-    """Where a line of pixels that is looked up `by` pixels further along has some: in the view, and in itself."""
+    """Returns where a line of pixels, looked up `by` pixels further along, has pixels: in the view, and in itself."""
     by = min(max(by, -length), length)
     low, high = max(0, -by), min(length, length - by)
     return slice(low, high), slice(low + by, high + by)
 
 
 def _interpolate(picture: NDArray[np.float32], axis: int, fraction: float) -> NDArray[np.float32]:
-    """`picture`, sampled `fraction` of a pixel further along `axis` by Keys's cubic convolution."""
+    """Returns `picture` sampled `fraction` of a pixel further along `axis` by Keys's cubic convolution."""
     if fraction == 0:
         return picture
     shifted: NDArray[np.float32] = ndimage.correlate1d(

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class NpyWriter(WholeWriter):
-    """Writes `L[v, u, y, x, c]`, which `numpy.load` returns, and behind it the depth sense as a second array."""
+    """Writes `L[v, u, y, x, c]`, which `numpy.load` returns, followed by the depth sense as a second array."""
 
     name = "npy"
 

@@ -1,4 +1,4 @@
-"""Paths of a camera among the views of a light field, and what it sees on them."""
+"""Moves a camera on a path among the views of a light field, and draws what it sees."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from ciir.renderer.light_field import LightField
 
 _TURNS = 3
-"""Of the spiral."""
+"""Turns of the spiral."""
 
 
 def list_positions(path: PathName, frames: int, grid: tuple[int, int]) -> list[tuple[float, float]]:
-    """`frames` positions (v, u) on a closed path: the one after the last is the first again.
+    """Returns `frames` positions (v, u) on a closed path: the one after the last is the first again.
 
     `circle`: an ellipse that touches the sides of the grid, from the right, upwards first; `sweep`: along the middle
     row from the left to the right and back, slower at the ends; `spiral`: from the centre outwards and back.
@@ -47,9 +47,10 @@ def list_positions(path: PathName, frames: int, grid: tuple[int, int]) -> list[t
 
 
 def draw_frames(light_field: LightField, path: PathName, frames: int, unused: int = 0) -> Iterator[NDArray[np.uint8]]:
-    """What the camera sees at each position, `(H, W, 3)`: between views the nearest four, blended bilinearly.
+    """Yields what the camera sees at each position, `(H, W, 3)`: between views, the nearest four, blended
+    bilinearly.
 
-    `unused`: of `ciir.bit_depth.count_unused_camera_bits`.
+    `unused`: from `ciir.bit_depth.count_unused_camera_bits`.
     """
     views = light_field.with_depth_sense("cameras").views
     positions = list_positions(path, frames, (views.shape[0], views.shape[1]))
@@ -57,7 +58,7 @@ def draw_frames(light_field: LightField, path: PathName, frames: int, unused: in
 
 
 def _blend(views: NDArray[Any], v: float, u: float) -> NDArray[np.float32]:
-    """The mean of the views around (v, u), each weighted by 1 less its distance in v and in u."""
+    """Returns the mean of the views around (v, u), each weighted by 1 minus its distance in v and in u."""
     top, left = math.floor(v), math.floor(u)
     blended = np.zeros(views.shape[2:], np.float32)
     for row, weight_v in ((top, 1 - (v - top)), (top + 1, v - top)):
@@ -68,13 +69,13 @@ def _blend(views: NDArray[Any], v: float, u: float) -> NDArray[np.float32]:
 
 
 def to_rgb8(pixels: NDArray[np.uint8] | NDArray[np.uint16], unused: int = 0) -> NDArray[np.uint8]:
-    """A picture as a frame, `(H, W, 3)`: grey becomes RGB, alpha is left out, 16 bit are raised by `unused` bits and
-    rounded.
+    """Returns a picture as a frame, `(H, W, 3)`: grey becomes RGB, alpha is ignored, 16 bits are raised by `unused`
+    bits and rounded.
     """
     return _to_rgb8(pixels.astype(np.float32) * 2**unused / np.float32(np.iinfo(pixels.dtype).max))
 
 
 def _to_rgb8(picture: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Grey becomes RGB, alpha is left out."""
+    """Converts to RGB: grey is repeated, alpha is ignored."""
     colours = picture[..., :3] if picture.shape[2] >= 3 else picture[..., :1].repeat(3, axis=2)
     return np.rint(255 * np.clip(colours, 0, 1)).astype(np.uint8)

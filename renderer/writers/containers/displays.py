@@ -30,7 +30,7 @@ class QuiltWriter(WholeWriter):
         encode(contents.sample, suffix)
 
     def encode(self, light_field: LightField) -> list[str]:
-        """Writes the picture. A note says what to name a quilt."""
+        """Writes the picture. A note says how to name a quilt."""
         picture = show_light_field(light_field, self._target, self.options)
         self.file.write(encode(picture.pixels, self.options.suffix or SUFFIXES[0], ppi=picture.ppi))
         notes = [*(() if isinstance(self._target, IntegralDisplay) else self._target.notes), *picture.notes]

@@ -1,4 +1,4 @@
-"""Writes `LF[j, i, l, k, c]` of the Light Field Toolbox, in MAT versions 5 and 7.3, and files of the old HCI data set.
+"""Writes `LF[j, i, l, k, c]` of the Light Field Toolbox in MAT versions 5 and 7.3, and files of the old HCI data set.
 
 All three count cameras: a light field with the depth sense of lenses is written with its views reversed in v and u.
 """
@@ -26,7 +26,7 @@ _UNKNOWN = "hci: the distance of cameras and the focus are not known: dH, dV and
 
 
 class CameraWriter(WholeWriter):
-    """The base class of writers of an array without alpha that counts cameras."""
+    """The base class of writers of an array that has no alpha and counts cameras."""
 
     sense = "cameras"
     holds_alpha = False
@@ -38,13 +38,13 @@ class MatWriter(CameraWriter):
     name = "mat"
 
     def check(self, contents: Contents) -> None:
-        """Refuses what doesn't fit into the format's 32-bit sizes."""
+        """Refuses views that don't fit into the format's 32-bit sizes."""
         size = len(contents.views) * contents.height * contents.width * contents.channels * contents.dtype.itemsize
         if size >= 2**31:
             raise InvalidOption(f"format: mat holds less than 2 GiB and the views have {size:,} bytes; give mat73")
 
     def encode(self, light_field: LightField) -> list[str]:
-        """The header's text has no date: the same views make the same bytes."""
+        """Writes the views; the header's text has no date, so that the same views make the same bytes."""
         from scipy.io import savemat
 
         savemat(self.file, {"LF": light_field.views})
@@ -60,7 +60,9 @@ class Mat73Writer(CameraWriter):
     name = "mat73"
 
     def encode(self, light_field: LightField) -> list[str]:
-        """MATLAB reads the class from an attribute, and the version from the block before the HDF5 file."""
+        """Writes the views; MATLAB reads the class from an attribute, and the version from the block before the HDF5
+        file.
+        """
         packed = io.BytesIO()
         with h5py.File(packed, "w", userblock_size=_USER_BLOCK) as file:
             dataset = file.create_dataset("LF", data=light_field.views.T)
@@ -77,7 +79,7 @@ class HciWriter(CameraWriter):
     name = "hci"
 
     def encode(self, light_field: LightField) -> list[str]:
-        """Writes views from the right to the left, and attributes; notes those that are not known."""
+        """Writes views from right to left, and attributes; notes the attributes that are not known."""
         rows, columns, height, width, channels = light_field.shape
         packed = io.BytesIO()
         with h5py.File(packed, "w") as file:

@@ -24,18 +24,18 @@ if TYPE_CHECKING:
     from ciir.renderer.writers.writer import Contents
 
 ESLF_PIXELS = 14
-"""Along each side of a lens."""
+"""Pixels along each side of a lens."""
 
 
 class PictureWriter(WholeWriter):
-    """Writes a picture that is made of the light field."""
+    """Writes a picture made from the light field."""
 
     arrangement: Literal["eia", "mosaic"] | None = None
-    """How the views lie in the picture, which a PNG says; None where it isn't read by that."""
+    """How the views lie in the picture, which a PNG states; None if it isn't read that way."""
 
     @abstractmethod
     def draw(self, light_field: LightField) -> Pixels:
-        """The picture, `(height, width, C)`."""
+        """Returns the picture, `(height, width, C)`."""
 
     def check(self, contents: Contents) -> None:
         """Refuses pixels that the picture format can't hold."""
@@ -56,7 +56,7 @@ class EiaWriter(PictureWriter):
     arrangement = "eia"
 
     def draw(self, light_field: LightField) -> Pixels:
-        """The elemental image array."""
+        """Returns the elemental image array."""
         return light_field.eia()
 
 
@@ -68,18 +68,18 @@ class MosaicWriter(PictureWriter):
     arrangement = "mosaic"
 
     def draw(self, light_field: LightField) -> Pixels:
-        """The mosaic."""
+        """Returns the mosaic."""
         rows, columns, height, width, channels = light_field.views.shape
         return light_field.views.swapaxes(1, 2).reshape(rows * height, columns * width, channels)
 
 
 class EslfWriter(PictureWriter):
-    """Writes Lytro's ESLF: 14x14 pixels under each lens, those around the views empty."""
+    """Writes Lytro's ESLF: 14x14 pixels under each lens, with empty pixels around the views."""
 
     name = "eslf"
     sense = "cameras"
     holds_alpha = False
-    """It would be taken for a weight."""
+    """Alpha would be taken for a weight."""
 
     def check(self, contents: Contents) -> None:
         """Refuses more views than a lens has pixels."""
@@ -91,7 +91,7 @@ class EslfWriter(PictureWriter):
             )
 
     def draw(self, light_field: LightField) -> Pixels:
-        """The elemental image array, with the views in the middle of each lens."""
+        """Returns the elemental image array, with the views in the middle of each lens."""
         views = light_field.views
         margins = [((ESLF_PIXELS - count) // 2, (ESLF_PIXELS - count + 1) // 2) for count in views.shape[:2]]
         return LightField(cast("Pixels", np.pad(views, (*margins, (0, 0), (0, 0), (0, 0))))).eia()
@@ -120,7 +120,7 @@ class EpiWriter(PictureWriter):
     name = "epi"
 
     def check(self, contents: Contents) -> None:
-        """Refuses a line that is not there."""
+        """Refuses a line that does not exist."""
         super().check(contents)
         sizes = {"y": contents.height, "x": contents.width, "v": contents.grid[0], "u": contents.grid[1]}
         for name, number in parse_epi(self.options.epi).items():
@@ -128,5 +128,5 @@ class EpiWriter(PictureWriter):
                 raise InvalidOption(f"epi: there is no {name}={number}; give 0 to {sizes[name] - 1}")
 
     def draw(self, light_field: LightField) -> Pixels:
-        """The epipolar plane image."""
+        """Returns the epipolar plane image."""
         return light_field.epi(**parse_epi(self.options.epi))

@@ -27,15 +27,16 @@ if TYPE_CHECKING:
 COARSE = 4
 """How many times smaller each side of the views in the first mosaic is."""
 BLOCK = 8
-"""Pixels along a side of what JPEG transforms at once: with cells of whole blocks no view's edge shows in the next."""
+"""Pixels along a side of the blocks that JPEG transforms: with cells of whole blocks, no view's edge shows in the
+next."""
 QUALITY = 90
 DESCRIPTION, COARSE_TILE = TILES
 
 
 @dataclass(frozen=True)
 class Tile:
-    """A mosaic: view (v, u) of `rows` rows of views from `row` on begins at pixel ((v - row) * cell_height,
-    u * cell_width) and has `height x width` pixels. What follows in its cell repeats its last row and column.
+    """A mosaic: view (v, u) of `rows` rows of views from `row` on begins at pixel ((v - row) * cell_height, u *
+    cell_width) and has `height x width` pixels. The rest of its cell repeats its last row and column.
     """
 
     file: str
@@ -48,8 +49,8 @@ class Tile:
 
 
 def plan_tiles(rows: int, height: int, width: int) -> list[Tile]:
-    """All views at a quarter of their size in one mosaic, then one for each of the `rows` rows of views of
-    `height x width` pixels, those around the middle first.
+    """Returns one mosaic of all views at a quarter of their size, then one for each of the `rows` rows of views of
+    `height x width` pixels, starting with those around the middle.
     """
     small_height, small_width = -(-height // COARSE), -(-width // COARSE)
     coarse = Tile(COARSE_TILE, 0, rows, small_height, small_width, _fill(small_height), _fill(small_width))
@@ -74,7 +75,7 @@ class TilesWriter(WholeWriter):
                 )
 
     def encode(self, light_field: LightField) -> list[str]:
-        """Writes the zip, whose local headers have the sizes: a reader needs no directory."""
+        """Writes the zip, whose local headers contain the sizes, so that a reader needs no directory."""
         rows, cols, height, width, channels = light_field.views.shape
         unused = count_unused_camera_bits(light_field.views)
         tiles = plan_tiles(rows, height, width)
@@ -92,7 +93,7 @@ class TilesWriter(WholeWriter):
 
 
 def _draw(light_field: LightField, tile: Tile, unused: int) -> NDArray[np.uint8]:
-    """`(H, W)` or `(H, W, 3)`; `unused`: of `count_unused_camera_bits` of all views."""
+    """Draws the mosaic, `(H, W)` or `(H, W, 3)`; `unused`: from `count_unused_camera_bits` of all views."""
     views = light_field.views[tile.row : tile.row + tile.rows]
     rows, cols, _, _, channels = views.shape
     kept = 1 if channels < 3 else 3
@@ -110,5 +111,5 @@ def _draw(light_field: LightField, tile: Tile, unused: int) -> NDArray[np.uint8]
 
 
 def _fill(length: int) -> int:
-    """The next multiple of `BLOCK`."""
+    """Returns the next multiple of `BLOCK`."""
     return -(-length // BLOCK) * BLOCK

@@ -1,6 +1,6 @@
 """Writes what a camera sees on a path among the views, or one view at several times.
 
-MP4 and WebM are made by FFmpeg, GIF and WebP by Pillow.
+FFmpeg encodes MP4 and WebM, Pillow encodes GIF and WebP.
 """
 
 from __future__ import annotations
@@ -31,32 +31,33 @@ if TYPE_CHECKING:
     from ciir.renderer.writers.writer import Contents
 
 MOST_SIDE = 16_383
-"""Pixels along a side of a frame: WebP's limit, the least of the four formats'."""
+"""Most pixels along a side of a frame: WebP's limit, the smallest of the four formats'."""
 MOST_ANIMATION_FPS = 50
-"""Browsers show a frame of less than 20 ms for 100 ms."""
+"""Most frames per second of an animation: browsers show a frame of less than 20 ms for 100 ms."""
 RATES = 1 / 60, 240.0
-"""Frames per second of pictures at several times, where none are asked for."""
+"""Range of frames per second for pictures at several times, if no rate is requested."""
 _SAME_STEP = 0.1
-"""Of the largest step between two times: by how much others may differ, as times of 30 a second in milliseconds do."""
+"""Share of the largest step between two times by which others may differ, as times of 30 a second in milliseconds
+do."""
 _USUAL_FPS = 30.0
 _BT601, _LIMITED = 6, 1
-"""How FFmpeg turns RGB into luminance and chrominance: the numbers of SMPTE 170M and of the range 16 to 235."""
+"""How FFmpeg converts RGB to luminance and chrominance: the numbers of SMPTE 170M and of the range 16 to 235."""
 
 
 class PathWriter(WholeWriter):
-    """Draws the frames of the path that the options give, or takes those of the times: 8 bit RGB."""
+    """Draws the frames of the path that the options give, or takes those of the times, in 8-bit RGB."""
 
     holds_times = True
 
     def check(self, contents: Contents) -> None:
-        """Refuses views that are too large for a frame, a path where each picture is a frame, and a quilt's name."""
+        """Refuses views that are too large for a frame, path options if each picture is a frame, and a quilt's name."""
         if (layout := parse_name(self.options.name)) is not None:
             raise InvalidOption(
                 f"{self.options.name}: {layout.suffix} names a quilt, and {self.name} holds no quilts; end the name "
                 f"with {', '.join(SUFFIXES)} for a quilt, or leave {layout.suffix} out for a video"
             )
         if contents.times and (self.options.path, self.options.frames) != (WriterOptions.path, WriterOptions.frames):
-            raise InvalidOption("path, frames: of several times or yaws each is a frame; leave them out")
+            raise InvalidOption("path, frames: with several times or yaws, each is a frame; leave them out")
         list_positions(self.options.path, 1, contents.grid)
         self.times = contents.times
         self.count = len(self.times) or self.options.frames
@@ -68,7 +69,7 @@ class PathWriter(WholeWriter):
             )
 
     def encode(self, light_field: LightField) -> list[str]:
-        """Writes the frames, and notes what is lost."""
+        """Writes the frames, and returns notes on what is lost."""
         views = light_field.views
         unused = count_unused_camera_bits(views)
         if self.times:
@@ -77,7 +78,7 @@ class PathWriter(WholeWriter):
             notes = self.write_frames(draw_frames(light_field, self.options.path, self.count, unused))
             if views.shape[0] * views.shape[1] > 1:
                 notes.append(
-                    "between views the nearest are blended: what moves by more than a pixel is seen twice there"
+                    "between views the nearest are blended: content that moves by more than a pixel is seen twice there"
                 )
         return [*notes, *self._list_losses(views.shape[4], views.dtype, unused)]
 
@@ -90,7 +91,7 @@ class PathWriter(WholeWriter):
     def _list_losses(self, channels: int, dtype: np.dtype[Any], unused: int = 0) -> list[str]:
         notes = []
         if len(self.times) > 2 and np.ptp(steps := np.diff(self.times)) > _SAME_STEP * abs(steps).max():
-            notes.append(f"time: the times are uneven, and the frames pass evenly, {self.fps:g} a second")
+            notes.append(f"time: the times are uneven, but the frames are shown evenly, {self.fps:g} per second")
         notes += note_rounding(self.name, dtype, unused)
         if channels in (2, 4):
             notes.append(f"{self.name}: alpha is left out")
@@ -102,23 +103,23 @@ class PathWriter(WholeWriter):
 
 
 def find_rate(times: Sequence[float]) -> float | None:
-    """Frames per second at which frames of these times, in seconds, pass as fast as they do, within `RATES`; None where
-    no time passes.
+    """Returns the frames per second at which frames of these times, in seconds, pass as fast as they do, within
+    `RATES`; None if no time passes.
     """
     span = abs(times[-1] - times[0]) if times else 0.0
     return float(np.clip((len(times) - 1) / span, *RATES)) if span else None
 
 
 class VideoWriter(PathWriter):
-    """Writes a video of 4:2:0 chrominance, which all players show; an odd last row or column is repeated."""
+    """Writes a video with 4:2:0 chrominance, which all players show; an odd last row or column is repeated."""
 
     container = ""
-    """FFmpeg's name of the format."""
+    """FFmpeg's name for the format."""
     codecs: tuple[tuple[str, dict[str, str]], ...] = ()
-    """FFmpeg's names of encoders, the preferred one first, and their options."""
+    """FFmpeg's names for encoders, the preferred one first, and their options."""
 
     def write_frames(self, frames: Iterator[NDArray[np.uint8]]) -> list[str]:
-        """Encodes one frame after the other. The file has no dates: the same views make the same bytes."""
+        """Encodes one frame after the other. The file has no dates, so that the same views make the same bytes."""
         import av
         from av.container import Flags
 
@@ -127,13 +128,13 @@ class VideoWriter(PathWriter):
         with av.open(packed, "w", format=self.container) as container:
             container.flags |= cast("int", Flags.bitexact.value)
             stream = container.add_stream(codec, rate=Fraction(self.fps).limit_denominator(1001))
-            assert isinstance(stream, av.VideoStream)  # noqa: S101 - all of `codecs` are of videos
+            assert isinstance(stream, av.VideoStream)  # noqa: S101 - all of `codecs` are for videos
             for number, pixels in enumerate(frames):
                 height, width = size = pixels.shape[:2]
                 even = np.pad(pixels, ((0, height % 2), (0, width % 2), (0, 0)), "edge")
                 if number == 0:
                     stream.height, stream.width, stream.pix_fmt = *even.shape[:2], "yuv420p"
-                    stream.options = {**settings, "threads": "1"}  # else the bytes depend on the number of cores
+                    stream.options = {**settings, "threads": "1"}  # otherwise the bytes depend on the number of cores
                     stream.codec_context.colorspace, stream.codec_context.color_range = _BT601, _LIMITED
                 frame = av.VideoFrame.from_ndarray(even, format="rgb24")
                 frame.pts = number
@@ -145,7 +146,7 @@ class VideoWriter(PathWriter):
 
 
 class Mp4Writer(VideoWriter):
-    """Writes MP4: H.264, or MPEG-4 Visual where FFmpeg was built without x264."""
+    """Writes MP4: H.264, or MPEG-4 Visual if FFmpeg was built without x264."""
 
     name, container = "mp4", "mp4"
     codecs = (("libx264", {"crf": "18"}), ("mpeg4", {"qscale": "2"}))
@@ -159,14 +160,14 @@ class WebmWriter(VideoWriter):
 
 
 class AnimationWriter(PathWriter):
-    """Writes an animation that starts again at its end. Equal frames that follow one another are stored as one."""
+    """Writes an animation that repeats from its start. Consecutive equal frames are stored as one."""
 
     unit = 1
     """Milliseconds of the format's clock."""
     lost = ""
-    """A note on what the format changes."""
+    """The note on what the format changes."""
     settings: Mapping[str, Any] = {}
-    """Pillow's name of the format, and its options."""
+    """Pillow's name for the format, and its options."""
 
     def check(self, contents: Contents) -> None:
         """Refuses a rate that viewers don't keep."""
@@ -178,7 +179,7 @@ class AnimationWriter(PathWriter):
             )
 
     def write_frames(self, frames: Iterator[NDArray[np.uint8]]) -> list[str]:
-        """Frames are shown for whole units of the format's clock; their mean is the rate that is asked for."""
+        """Writes the frames, shown for whole units of the format's clock; their mean is the requested rate."""
         from PIL import Image
 
         ends = [round(1000 * (number + 1) / self.fps / self.unit) for number in range(self.count)]

@@ -18,13 +18,15 @@ _VIRIDIS = (
     (4.776384997670288, -13.74514537774601, -65.35303263337234),
     (-5.435455855934631, 4.645852612178535, 26.3124352495832),
 )
-"""RGB of the powers of the share, from 0: a fit to matplotlib's map by Matt Zucker (shadertoy.com/view/WlfXRN, public
-domain)."""
+"""RGB coefficients of the powers of the share, from 0: a fit to matplotlib's map by Matt Zucker
+(shadertoy.com/view/WlfXRN, public domain)."""
 
 
 def color_map(values: NDArray[np.floating], low: float, high: float) -> NDArray[np.uint8]:
-    """`values` `(H, W)` as RGB `(H, W, 3)`, from dark blue at `low` to yellow at `high`, by the colour map viridis
-    (Smith and van der Walt 2015), whose steps look equal, without colour vision and in grey too.
+    """Returns `values` `(H, W)` as RGB `(H, W, 3)`, from dark blue at `low` to yellow at `high`.
+
+    The colour map is viridis (Smith and van der Walt 2015), whose steps look equal, also without colour vision and in
+    grey.
     """
     levels = np.polynomial.polynomial.polyval(np.linspace(0, 1, 256), np.array(_VIRIDIS))  # (3, 256)
     table = (255 * levels.T.clip(0, 1)).round().astype(np.uint8)

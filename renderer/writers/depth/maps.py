@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     Encoded = tuple[bytes, dict[str, float]]
 
 CONFIDENCE = "_confidence"
-"""What the name of a confidence map has behind that of its disparity map."""
+"""Suffix of a confidence map's name after that of its disparity map."""
 SHOWN = (0.005, 0.995)
-"""The quantiles of a map between which colours lie: single wrong pixels don't take them all."""
+"""The quantiles of a map between which colours lie, so that single wrong pixels don't use up all of them."""
 
 
 @dataclass(frozen=True)
@@ -42,11 +42,11 @@ class MapFormat:
     suffix: str
     media_type: str
     encode: Callable[[Map], Encoded]
-    """The file, and what a reader of it needs to know, for the report."""
+    """Returns the file and what a reader of it needs to know, for the report."""
 
 
 def encode_disparity(found: DisparityMap, name: str) -> tuple[bytes, bytes, dict[str, Any]]:
-    """The files of the disparity and of its confidence, in the format `name`, and how the first is to be read.
+    """Returns the files of the disparity and of its confidence, in the format `name`, and how to read the first.
 
     Raises `InvalidOption` for an unknown format.
     """
@@ -57,10 +57,10 @@ def encode_disparity(found: DisparityMap, name: str) -> tuple[bytes, bytes, dict
 
 
 def write_disparity(path: Path, found: DisparityMap, name: str | None = None) -> dict[str, Any]:
-    """Writes the disparity to `path`, and beside it the confidence, `NAME_confidence`; returns how both are read.
+    """Writes the disparity to `path`, and next to it the confidence, `NAME_confidence`; returns how to read both.
 
-    `name`: a format of `FORMATS`, by default the one of the path's suffix. Raises `InvalidOption` where the path can't
-    be written, and as `find_format`.
+    `name`: a format of `FORMATS`, by default the one of the path's suffix. Raises `InvalidOption` if the path can't be
+    written, and as `find_format` does.
     """
     entry = find_format(path, name)
     data, confidence, reading = encode_disparity(found, entry.name)
@@ -72,9 +72,9 @@ def write_disparity(path: Path, found: DisparityMap, name: str | None = None) ->
 
 
 def find_format(path: Path, name: str | None = None) -> MapFormat:
-    """The format `name`, by default the one of the path's suffix.
+    """Returns the format `name`, by default the one of the path's suffix.
 
-    Raises `InvalidOption` where there is none, and where a path with that format has another suffix.
+    Raises `InvalidOption` if there is none, and if a path with that format has another suffix.
     """
     entries = list(FORMATS.values()) if name is None else [_get_format(name)]
     for entry in entries:
@@ -91,13 +91,15 @@ def _get_format(name: str) -> MapFormat:
 
 
 def _encode_pfm(values: Map) -> Encoded:
-    """Portable float map (netpbm.sourceforge.net/doc/pfm.html): rows from the bottom, little endian (scale -1)."""
+    """Encodes a portable float map (netpbm.sourceforge.net/doc/pfm.html): rows from the bottom, little endian (scale
+    -1).
+    """
     height, width = values.shape
     return f"Pf\n{width} {height}\n-1.0\n".encode() + values[::-1].astype("<f4").tobytes(), {}
 
 
 def _encode_png(values: Map) -> Encoded:
-    """Levels of 16 bit: the value is `offset + scale * level`, with both in text chunks of these names."""
+    """Encodes 16-bit levels: the value is `offset + scale * level`, with both in text chunks of these names."""
     low, high = float(values.min()), float(values.max())
     reading = {"scale": max(high - low, 1e-6) / 0xFFFF, "offset": low}
     levels = ((values - low) / reading["scale"]).round().clip(0, 0xFFFF).astype(np.uint16)
@@ -111,7 +113,7 @@ def _encode_npy(values: Map) -> Encoded:
 
 
 def _encode_colors(values: Map) -> Encoded:
-    """The colours of `color_map` between the quantiles `SHOWN`."""
+    """Encodes the colours of `color_map` between the quantiles `SHOWN`."""
     low, high = np.quantile(values, SHOWN).tolist()
     return png.encode(color_map(values, low, high)), {"darkest": low, "brightest": high}
 
@@ -125,4 +127,4 @@ FORMATS = {
         MapFormat("viridis", ".png", "image/png", _encode_colors),
     )
 }
-"""By name. Where several have a suffix, the first one is its format."""
+"""The formats by name. If several have the same suffix, the first one is its format."""

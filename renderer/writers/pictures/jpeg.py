@@ -1,4 +1,4 @@
-"""Encodes JPEG by Pillow."""
+"""Encodes JPEG with Pillow."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ MAX_SIDE = 65_500
 
 
 def encode(pixels: Pixels, quality: int = 95) -> bytes:
-    """A JPEG of contiguous `(height, width)` or `(height, width, 2..4)` 8-bit pixels, with full chroma resolution;
-    alpha is left out where it is opaque everywhere.
+    """Returns a JPEG of contiguous `(height, width)` or `(height, width, 2..4)` 8-bit pixels, with full chroma
+    resolution; alpha is left out if it is opaque everywhere.
 
-    Raises `InvalidOption` where JPEG can't hold the pixels.
+    Raises `InvalidOption` if JPEG can't hold the pixels.
     """
     if pixels.dtype == np.uint8 and pixels.ndim == 3 and pixels.shape[2] in (2, 4) and (pixels[..., -1] == 255).all():
         pixels = pixels[..., 0] if pixels.shape[2] == 2 else pixels[..., :3]

@@ -16,16 +16,16 @@ if TYPE_CHECKING:
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 GREY, RGB, GREY_ALPHA, RGB_ALPHA = 0, 2, 4, 6  # colour types
 METRE = 1  # the unit of a resolution: pixels per metre, whole numbers
-UP = 2  # the filter: each byte less the one above it
+UP = 2  # the filter: each byte minus the one above it
 
 
 def encode(pixels: Pixels, text: Mapping[str, str] | None = None, ppi: float | None = None) -> bytes:
-    """A PNG of `(height, width)` or `(height, width, 2..4)` pixels, every bit kept, with `text` by keyword (Latin-1)
-    and a resolution of `ppi` pixels per inch.
+    """Returns a PNG of `(height, width)` or `(height, width, 2..4)` pixels, every bit kept, with `text` by keyword
+    (Latin-1) and a resolution of `ppi` pixels per inch.
 
-    The Up filter and libdeflate's level 1 were 1.5 to 3 times faster than libpng's level 1, for files of like size.
+    The Up filter and libdeflate's level 1 were 1.5 to 3 times faster than libpng's level 1, for files of similar size.
     """
-    import imagecodecs  # only where a picture is encoded: the server's main process encodes none
+    import imagecodecs  # imported only when needed: the server's main process encodes no pictures
 
     height, width = pixels.shape[:2]
     colour = (GREY, GREY_ALPHA, RGB, RGB_ALPHA)[pixels.shape[2] - 1 if pixels.ndim == 3 else 0]

@@ -1,6 +1,6 @@
-"""The picture formats that are written: one registry.
+"""The registry of picture formats that can be written.
 
-A new format is a module beside this one with `encode(pixels) -> bytes`, and its line in `FORMATS`.
+A new format is a module next to this one with `encode(pixels) -> bytes`, and its line in `FORMATS`.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ class PictureFormat:
     """A format of single pictures."""
 
     name: str
-    """Also the name of the module with its `encode`."""
+    """Name of the format and of the module with its `encode`."""
     suffixes: tuple[str, ...]
-    """Of file names, lower case; the first is the usual one."""
+    """Suffixes of file names, in lower case; the first is the usual one."""
     media_type: str
 
     def encode(self, pixels: Pixels, text: Mapping[str, str] | None = None, ppi: float | None = None) -> bytes:
-        """The file with `pixels`, `(height, width, 1..4)`, 8 or 16 bit; in a PNG with `text`, by keyword, and in a PNG
-        or TIFF with a resolution of `ppi` pixels per inch.
+        """Returns the file with `pixels`, `(height, width, 1..4)`, 8 or 16 bit; a PNG also gets `text`, by keyword, and
+        a PNG or TIFF a resolution of `ppi` pixels per inch.
 
-        Raises `InvalidOption` where the format can't hold them. The encoder is imported when it is first needed.
+        Raises `InvalidOption` if the format can't hold them. The encoder is imported when it is first needed.
         """
         squeezed = pixels[..., 0] if pixels.shape[2] == 1 else pixels
         encoder = import_module(f"ciir.renderer.writers.pictures.{self.name}").encode
@@ -43,8 +43,8 @@ class PictureFormat:
         return cast("bytes", encoder(np.ascontiguousarray(squeezed), **extra))
 
     def check(self, size: tuple[int, int], dtype: np.dtype[Any]) -> None:
-        """Raises `InvalidOption` where WebP can't hold pixels of that type, `size` of them, height and width; other
-        formats raise in `encode`.
+        """Raises `InvalidOption` if WebP can't hold `size` pixels, height and width, of that type; other formats raise
+        in `encode`.
         """
         if self.name == "webp":
             from ciir.renderer.writers.pictures import webp
@@ -60,16 +60,16 @@ FORMATS = (
 )
 BY_SUFFIX = {suffix: entry for entry in FORMATS for suffix in entry.suffixes}
 SUFFIXES = tuple(BY_SUFFIX)
-"""What the name of a picture that is written ends with, in lower case."""
+"""Suffixes of picture files that can be written, in lower case."""
 
 
 def encode(pixels: Pixels, suffix: str, text: Mapping[str, str] | None = None, *, ppi: float | None = None) -> bytes:
-    """The file that a name ending with `suffix` asks for, of `(height, width, 1..4)` pixels, 8 or 16 bit; a PNG has
-    `text`, by keyword, too, and PNG and TIFF state a resolution of `ppi` pixels per inch.
+    """Returns the file that a name ending with `suffix` asks for, of `(height, width, 1..4)` pixels, 8 or 16 bit; a PNG
+    also has `text`, by keyword, and PNG and TIFF state a resolution of `ppi` pixels per inch.
 
     PNG and TIFF keep every bit. JPEG is written at quality 95 without chroma subsampling.
 
-    Raises `InvalidOption` for another suffix, or where the format can't hold the pixels.
+    Raises `InvalidOption` for another suffix, or if the format can't hold the pixels.
     """
     entry = BY_SUFFIX.get(suffix.lower())
     if entry is None:
@@ -78,5 +78,5 @@ def encode(pixels: Pixels, suffix: str, text: Mapping[str, str] | None = None, *
 
 
 def encode_png(pixels: Pixels, *, ppi: float | None = None) -> bytes:
-    """A PNG of `(height, width, 1..4)` pixels, 8 or 16 bit, every bit kept."""
+    """Returns a PNG of `(height, width, 1..4)` pixels, 8 or 16 bit, every bit kept."""
     return BY_SUFFIX[".png"].encode(pixels, ppi=ppi)

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
 
 def encode(pixels: Pixels, ppi: float | None = None) -> bytes:
-    """A TIFF (deflate, horizontal differences) of contiguous `(height, width)` or `(height, width, 2..4)` pixels, with
-    a resolution of `ppi` pixels per inch.
+    """Returns a TIFF (deflate, horizontal differences) of contiguous `(height, width)` or `(height, width, 2..4)`
+    pixels, with a resolution of `ppi` pixels per inch.
     """
     file = io.BytesIO()
     size: dict[str, Any] = {} if ppi is None else {"resolution": (ppi, ppi), "resolutionunit": "INCH"}
@@ -22,7 +22,7 @@ def encode(pixels: Pixels, ppi: float | None = None) -> bytes:
 
 
 def describe_page(channels: int) -> dict[str, Any]:
-    """The arguments with which tifffile writes a page of 1 to 4 channels: without loss, and without tags of its own."""
+    """Returns the arguments for tifffile to write a page of 1 to 4 channels: lossless, and without tags of its own."""
     colours = 3 if channels >= 3 else 1
     return {
         "photometric": "rgb" if colours == 3 else "minisblack",

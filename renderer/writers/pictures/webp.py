@@ -1,4 +1,4 @@
-"""Encodes WebP, lossless, by Pillow."""
+"""Encodes lossless WebP with Pillow."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MAX_SIDE = 16_383
 
 
 def check(size: tuple[int, int], dtype: np.dtype[Any]) -> None:
-    """Raises `InvalidOption` where WebP can't hold pixels of that type, `size` of them, height and width."""
+    """Raises `InvalidOption` if WebP can't hold `size` pixels, height and width, of that type."""
     if dtype != np.uint8 or max(size) > MAX_SIDE:
         raise InvalidOption(
             f"picture: WebP holds 8 bit and {MAX_SIDE} pixels along a side, not {8 * dtype.itemsize} bit and "
@@ -27,9 +27,10 @@ def check(size: tuple[int, int], dtype: np.dtype[Any]) -> None:
 
 
 def encode(pixels: Pixels) -> bytes:
-    """A lossless WebP of contiguous `(height, width)` or `(height, width, 2..4)` 8-bit pixels; grey becomes RGB.
+    """Returns a lossless WebP of contiguous 8-bit pixels `(height, width)` or `(height, width, 2..4)`; grey becomes
+    RGB.
 
-    Raises `InvalidOption` where WebP can't hold the pixels.
+    Raises `InvalidOption` if WebP can't hold the pixels.
     """
     check(pixels.shape[:2], pixels.dtype)
     file = io.BytesIO()

@@ -26,7 +26,7 @@ DISPLAY = IntegralDisplay(1000, 1000, 0.1, 1.0, 4.0)
 """Sharp to 1 mm / (0.1 / 4) = 40 mm."""
 
 
-TEXTURELESS = "; the views have too little texture to tell theirs"
+TEXTURELESS = "; the views have too little texture to measure theirs"
 
 
 def make_sheets(*sheets):
@@ -41,7 +41,9 @@ def test_what_lies_within_the_depth_of_field_is_sharp():
     assert (budget.sharp, budget.nearest, budget.farthest) == pytest.approx((40, 39, -39))
     assert (budget.blurred, budget.cut) == (0, 0)
     (note,) = budget.notes()
-    assert note.endswith("sharp up to 40 mm behind and before it; the scene spans 39 mm behind it to 39 mm before it")
+    assert note.endswith(
+        "sharp up to 40 mm behind and in front of its plane; the scene spans 39 mm behind it to 39 mm in front of it"
+    )
 
 
 def test_what_lies_beyond_it_blurs_by_its_share_of_the_surface():

@@ -11,7 +11,9 @@ GO_NAME = QuiltName(11, 6, 0.5625)
 def test_without_anything_it_is_the_default_devices_with_a_note():
     found = resolve_quilt()
     assert (found.layout, found.tile, found.keeps_aspect) == (PORTRAIT.layout, (560, 420), True)
-    assert found.notes[0].startswith("quilt: for the device portrait; the option device gives another: portrait, go,")
+    assert found.notes[0].startswith(
+        "quilt: made for the device portrait; the option device selects another: portrait, go,"
+    )
 
 
 @pytest.mark.parametrize(

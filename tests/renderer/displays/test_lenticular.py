@@ -176,7 +176,7 @@ def test_a_calibration_may_be_an_entry_of_an_object():
 
 def test_a_pattern_of_subpixels_is_noted():
     assert make_calibration().notes == ()
-    assert "taken as stripes" in make_calibration(CellPatternMode=2.0).notes[0]
+    assert "treated as stripes" in make_calibration(CellPatternMode=2.0).notes[0]
 
 
 @pytest.mark.parametrize(

@@ -75,7 +75,7 @@ def test_the_json_beside_it_holds_the_layout():
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"viewX": "x", "viewY": 1, "aspect": 1}', "[" * 9999])
 def test_other_json_is_refused(text):
-    with pytest.raises(Unreadable, match=r"^j: no quilt's layout; give JSON with viewX"):
+    with pytest.raises(Unreadable, match=r"^j: not a quilt's layout; give JSON with viewX"):
         parse_json(text.encode(), name="j")
 
 

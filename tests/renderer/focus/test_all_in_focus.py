@@ -85,7 +85,7 @@ def test_samples_are_interpolated_where_the_disparity_points():
 def test_a_disparity_of_other_pixels():
     views, true = make_views(0)
     found = DisparityMap((2, 2), true[:-1], true[:-1], np.array([FAR, NEAR]), "cameras")
-    with pytest.raises(InvalidOption, match="disparity: 59x70 pixels are not those of the views, 60x70"):
+    with pytest.raises(InvalidOption, match="disparity: 59x70 pixels, but the views have 60x70"):
         focus_everywhere(views, found, ONES)
 
 
@@ -93,9 +93,9 @@ def test_a_disparity_of_another_light_field():
     views, _ = make_views(0)
     light_field = LightField(views, depth_sense="cameras")
     found = light_field.disparity()
-    with pytest.raises(InvalidOption, match=r"found: ndarray is not taken; give what disparity\(\) returns"):
+    with pytest.raises(InvalidOption, match=r"found: ndarray is not accepted; give what disparity\(\) returns"):
         light_field.all_in_focus(found.disparity)
-    with pytest.raises(InvalidOption, match="found: of views with the depth sense cameras, not lenses; give the"):
+    with pytest.raises(InvalidOption, match="found: a map of views with the depth sense cameras, not lenses; give the"):
         light_field.with_depth_sense("lenses").all_in_focus(found)
     with pytest.raises(InvalidOption, match="view: 2,2 is not there; v goes from 0 to 1 and u from 0 to 4"):
         light_field[:2].all_in_focus(found)

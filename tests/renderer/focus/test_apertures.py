@@ -30,9 +30,9 @@ def test_what_is_no_aperture():
         make_aperture((5, 5), 0, "gauss")
     with pytest.raises(InvalidOption, match="shape: 'star' is not known; give disc, square, gauss"):
         read_aperture(None, (4, 4), "star")
-    with pytest.raises(InvalidOption, match=r"aperture: 'nan' is no number"):
+    with pytest.raises(InvalidOption, match=r"aperture: 'nan' is not a number"):
         read_aperture(np.nan, (2, 2))
-    with pytest.raises(InvalidOption, match=r"aperture: 'wide' is no number"):
+    with pytest.raises(InvalidOption, match=r"aperture: 'wide' is not a number"):
         read_aperture("wide", (2, 2))
 
 

@@ -87,7 +87,7 @@ def test_what_fits_nowhere_is_noted():
     swapped = views.copy()
     swapped[2, 2:4] = views[2, 3:1:-1]
     for wrong in (shuffled, swapped, draw_layers(40)):
-        assert "% of the pixels at disparities of" in estimate_disparity(LightField(wrong)).notes[-1]
+        assert "% of the pixels at disparities from" in estimate_disparity(LightField(wrong)).notes[-1]
     assert estimate_disparity(LightField(views)).notes == ()
 
 
@@ -105,7 +105,7 @@ def test_noise_does_not_count_as_what_fits_nowhere():
 def test_disparities_at_the_end_of_the_search_are_noted():
     light_field = LightField(draw_layers(20), depth_sense="cameras")
     note = estimate_disparity(light_field).notes[0]
-    assert note.startswith("disparities are looked for up to 20 pixels a view, and some are as large; give limits")
+    assert note.startswith("disparities are searched up to 20 pixels per view, and some reach that; give limits")
     (found,) = light_field.disparities([(2, 2)])
     assert found.notes[0] == note
     assert estimate_disparity(light_field, limits=(15, 25)).notes == ()
@@ -134,7 +134,7 @@ def test_a_map_lies_within_given_limits(limits, is_noted):
         assert found.disparity.max() <= limits[1]
         notes = [note for note in found.notes if note.startswith("limits: ")]
         assert len(notes) == is_noted
-        assert not notes or "% of the pixels lie at 0.1 or 0.3, where the disparities that were given end" in notes[0]
+        assert not notes or "% of the pixels lie at 0.1 or 0.3, the ends of the given range" in notes[0]
 
 
 def test_what_counts_as_noise_stays_within_given_limits():
@@ -220,7 +220,7 @@ def test_a_view_that_is_not_there_is_refused(view):
     with pytest.raises(InvalidOption, match=f"view: {view[0]},{view[1]} is not there"):
         LightField(np.zeros((3, 3, 9, 9, 3), np.uint8)).disparity(view)
     for wrong in ((1,), (1, 2, 3), 4):
-        with pytest.raises(InvalidOption, match="is no view; give its row and column"):
+        with pytest.raises(InvalidOption, match="is not a view; give its row and column"):
             LightField(np.zeros((3, 3, 9, 9, 3), np.uint8)).disparity(wrong)
 
 
@@ -236,15 +236,15 @@ def test_large_views_are_refused_before_they_are_compared(monkeypatch):
 @pytest.mark.parametrize(
     ("limits", "message"),
     [
-        ((1, 0), "limits: 1 to 0 is no range"),
-        ((0, np.nan), "limits: 0 to nan is no range"),
-        ((-97, 0), "limits: -97 to 0 passes the 96 pixels of a view; give disparities of -96 to 96"),
-        ((0, np.inf), "passes the 96 pixels"),
-        (3, "limits: 3 is no range; give two numbers"),
-        ((1,), "is no range; give two numbers"),
-        (("a", 1), "is no range; give two numbers"),
-        ((None, 1), "is no range; give two numbers"),
-        ((True, 2), "is no range; give two numbers"),
+        ((1, 0), "limits: 1 to 0 is not a range"),
+        ((0, np.nan), "limits: 0 to nan is not a range"),
+        ((-97, 0), "limits: -97 to 0 exceeds the 96 pixels of a view; give disparities of -96 to 96"),
+        ((0, np.inf), "exceeds the 96 pixels"),
+        (3, "limits: 3 is not a range; give two numbers"),
+        ((1,), "is not a range; give two numbers"),
+        (("a", 1), "is not a range; give two numbers"),
+        ((None, 1), "is not a range; give two numbers"),
+        ((True, 2), "is not a range; give two numbers"),
     ],
 )
 def test_limits_that_are_refused(limits, message):

@@ -39,7 +39,7 @@ def test_a_file_where_a_folder_must_be(tmp_path):
 
 def test_a_device_or_a_pipe_is_not_replaced(tmp_path):
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(InvalidOption, match="pipe: no plain file"), replacing(tmp_path / "pipe"):
+    with pytest.raises(InvalidOption, match="pipe: not a regular file"), replacing(tmp_path / "pipe"):
         pass
     assert (tmp_path / "pipe").is_fifo()
 
@@ -47,7 +47,7 @@ def test_a_device_or_a_pipe_is_not_replaced(tmp_path):
 def test_where_nothing_may_be_written(tmp_path, monkeypatch):
     monkeypatch.setattr("ciir.renderer.writers.atomic_write.os.access", lambda path, mode: path != tmp_path)
     for make in (place_for_file, Staged):
-        with pytest.raises(InvalidOption, match="nothing may be written there"):
+        with pytest.raises(InvalidOption, match="no permission to write there"):
             make(tmp_path / "new" / "a")
     assert list(tmp_path.iterdir()) == []
 

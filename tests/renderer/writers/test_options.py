@@ -14,13 +14,13 @@ def test_none_is_the_default_and_numbers_of_numpy_are_numbers():
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"frames": True}, "frames: 'True' is not taken; give a whole number"),
-        ({"frames": 2.5}, "frames: '2.5' is not taken; give a whole number"),
-        ({"fps": "fast"}, "fps: 'fast' is not taken; give a number"),
+        ({"frames": True}, "frames: 'True' is not accepted; give a whole number"),
+        ({"frames": 2.5}, "frames: '2.5' is not accepted; give a whole number"),
+        ({"fps": "fast"}, "fps: 'fast' is not accepted; give a number"),
         ({"fps": np.float64("nan")}, "fps: nan is out of range; give "),
-        ({"device": 3}, "device: '3' is not taken; give text"),
-        ({"calibration": 3}, "calibration: '3' is not taken; give a path"),
-        ({"display": b"x"}, "display: .* is not taken; give a path"),
+        ({"device": 3}, "device: '3' is not accepted; give text"),
+        ({"calibration": 3}, "calibration: '3' is not accepted; give a path"),
+        ({"display": b"x"}, "display: .* is not accepted; give a path"),
     ],
 )
 def test_other_values_are_refused(given, message):

@@ -32,7 +32,7 @@ def contents(views):
 def test_a_part_of_the_views_is_refused(name):
     with (
         FileWriter(io.BytesIO(), name) as writer,
-        pytest.raises(InvalidOption, match=f"{name} is made of all views, and 1 of 3x3 .*; give views all"),
+        pytest.raises(InvalidOption, match=f"{name} needs all views, and 1 of 3x3 .*; give views all"),
     ):
         writer.begin(contents(((1, 1),)))
 

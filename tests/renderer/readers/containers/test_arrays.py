@@ -135,7 +135,7 @@ def test_floating_point_out_of_range_is_refused(worst, words):
 def test_the_remedy_for_nan_removes_it():
     array = numbered("u1") / 255
     array[1, 2, 3, 4, 0] = np.nan
-    with pytest.raises(Unreadable, match=r"as np\.nan_to_num\(array\)\.clip\(0, 1\) has"):
+    with pytest.raises(Unreadable, match=r"such as np\.nan_to_num\(array\)\.clip\(0, 1\), or uint8"):
         read(saved(array))
     read(saved(np.nan_to_num(array).clip(0, 1)))
 
@@ -324,10 +324,10 @@ def test_colours_before_rows_are_noted(tmp_path):
 @pytest.mark.parametrize(
     ("shape", "advice"),
     [
-        ((3, 4, 3, 16, 20), "; of (V, U, C, H, W), as in np.moveaxis({}, 2, -1)"),
-        ((3, 9, 9, 16, 20), "; of (C, V, U, H, W), as in np.moveaxis({}, 0, -1)"),
-        ((16, 20, 3, 4, 5), "; of (H, W, C, V, U), as in {}.transpose(3, 4, 0, 1, 2)"),
-        ((3, 16, 20, 4, 5), "; of (C, H, W, V, U), as in {}.transpose(3, 4, 1, 2, 0)"),
+        ((3, 4, 3, 16, 20), "; for (V, U, C, H, W), as in np.moveaxis({}, 2, -1)"),
+        ((3, 9, 9, 16, 20), "; for (C, V, U, H, W), as in np.moveaxis({}, 0, -1)"),
+        ((16, 20, 3, 4, 5), "; for (H, W, C, V, U), as in {}.transpose(3, 4, 0, 1, 2)"),
+        ((3, 16, 20, 4, 5), "; for (C, H, W, V, U), as in {}.transpose(3, 4, 1, 2, 0)"),
         ((3, 4, 16, 20, 5), ", 1 to 4 channels"),
     ],
 )
@@ -343,10 +343,10 @@ def test_axes_of_colours_before_pixels_have_a_remedy(shape, advice):
 
 @pytest.mark.parametrize("shape", [(60, 80), (60, 80, 3)])
 def test_an_elemental_image_array_has_a_remedy(shape):
-    with pytest.raises(InvalidOption, match=r"; of an elemental image array, by LightField\.from_eia$"):
+    with pytest.raises(InvalidOption, match=r"; for an elemental image array, use LightField\.from_eia$"):
         LightField(np.zeros(shape, np.uint8))
 
 
 def test_grey_views_without_channels_have_a_remedy():
-    with pytest.raises(InvalidOption, match=r"; of grey views \(V, U, H, W\), as in views\[\.\.\., None\]$"):
+    with pytest.raises(InvalidOption, match=r"; for grey views \(V, U, H, W\), as in views\[\.\.\., None\]$"):
         LightField(np.zeros((3, 3, 16, 20), np.uint8))

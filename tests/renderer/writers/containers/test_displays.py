@@ -34,7 +34,7 @@ def test_the_middle_row_becomes_a_quilt(tmp_path, suffix):
     notes = FIELD.save(tmp_path / f"a{suffix}", "quilt")
     quilt = read(tmp_path / f"a{suffix}")
     assert np.array_equal(split_quilt(quilt, QuiltLayout(8, 6, 1.0), name="a"), FIELD.views[1])
-    assert notes[0].startswith("quilt: for the device portrait; the option device gives another: portrait, go,")
+    assert notes[0].startswith("quilt: made for the device portrait; the option device selects another: portrait, go,")
     assert notes[1:] == (
         "views keep their aspect 1, not the device's 0.75; name the device for black borders that fill it",
         f"quilt: name it a_qs8x6a1{suffix}; displays read columns, rows and aspect there",
@@ -129,7 +129,7 @@ def test_views_that_are_not_opaque_are_laid_over_black_with_a_note(tmp_path, mon
     half[..., 3] = 128
     for views, expected in ((opaque, False), (half, True)):
         notes = LightField(views, depth_sense="cameras").save("a.png", **options)
-        assert ("alpha: the views are laid over black" in notes) is expected
+        assert ("alpha: the views are placed on a black background" in notes) is expected
 
 
 def test_what_webp_cannot_hold_is_refused_before_a_picture_is_made(folder, monkeypatch):
@@ -162,8 +162,8 @@ def folder(tmp_path, monkeypatch):
     [
         ("quilt", {"device": "phone"}, InvalidOption, "device: 'phone' is not known"),
         ("quilt", {"quilt": "8"}, InvalidOption, "quilt: '8' is not understood"),
-        ("quilt", {"quilt": (8, 6)}, InvalidOption, r"quilt: '\(8, 6\)' is not taken; give text"),
-        ("quilt", {"aspect": "wide"}, InvalidOption, "aspect: 'wide' is not taken; give a number"),
+        ("quilt", {"quilt": (8, 6)}, InvalidOption, r"quilt: '\(8, 6\)' is not accepted; give text"),
+        ("quilt", {"aspect": "wide"}, InvalidOption, "aspect: 'wide' is not accepted; give a number"),
         ("quilt", {"disparity": 1e300}, InvalidOption, "disparity: 1e\\+300 is out of range"),
         ("quilt", {"disparity": float("nan")}, InvalidOption, "disparity: nan is out of range; give -1000 to 1000"),
         (
@@ -183,7 +183,7 @@ def folder(tmp_path, monkeypatch):
         ("panel", {"display": "none.toml"}, Unreadable, "none.toml: No such file"),
         ("panel", {"display": "c.json"}, Unreadable, "^c.json: not TOML but JSON; .* as the option calibration$"),
         ("lenticular", {"calibration": "p.toml"}, Unreadable, "^p.toml: not JSON; .* as the option display$"),
-        ("panel", {"display": "p.bin"}, Unreadable, "p.bin: no text in UTF-8"),
+        ("panel", {"display": "p.bin"}, Unreadable, "p.bin: not text in UTF-8"),
         ("panel", {"display": "long.toml"}, TooLarge, "long.toml: over 65,536 bytes"),
     ],
 )

@@ -120,7 +120,7 @@ def test_what_is_refused_before_any_view_is_made(name, options, contents, messag
     ("options", "message"),
     [
         ({"frames": 0}, "frames: 0 is out of range; give 1 to 3600"),
-        ({"frames": 2.5}, "frames: '2.5' is not taken; give a whole number"),
+        ({"frames": 2.5}, "frames: '2.5' is not accepted; give a whole number"),
         ({"fps": -5}, "fps: -5 is out of range; give 1 to 240"),
         ({"fps": 0}, "fps: 0 is out of range"),
         ({"fps": 1e9}, "fps: 1000000000.0 is out of range"),

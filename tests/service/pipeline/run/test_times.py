@@ -197,7 +197,7 @@ def test_what_makes_no_video_is_refused():
             run(**wrong)
     with (
         FileWriter(io.BytesIO(), "mp4", Options(path="sweep").make_writer_options()) as writer,
-        pytest.raises(InvalidOption, match="path, frames: of several times or yaws each is a frame"),
+        pytest.raises(InvalidOption, match="path, frames: with several times or yaws, each is a frame"),
     ):
         reconstruct(slide(), Options(**SMALL, time=TIMES), writer)
 

@@ -98,7 +98,7 @@ def test_a_mesh_becomes_what_the_command_line_makes(client, tmp_path, monkeypatc
         ({"format": "lenticular"}, {"display": PANEL}, (422, "display: format lenticular has no use for it")),
         ({}, {"display": "["}, (422, "display: not TOML")),
         ({}, {"calibration": "[]"}, (422, "calibration: no calibration; give the JSON")),
-        ({}, {"calibration": b"\xff"}, (422, "calibration: no text in UTF-8")),
+        ({}, {"calibration": b"\xff"}, (422, "calibration: not text in UTF-8")),
         ({}, {"calibration": b"x" * 70_000}, (413, "calibration: over 65,536 bytes")),
         ({}, {"device": "go"}, (422, "device: a file; only 'file' and 'calibration' and 'display' may be one")),
         ({"display": PANEL.replace("60, 40", "60000, 40000")}, {}, (413, "at most 67,108,864")),

@@ -177,7 +177,7 @@ def test_with_fit_none_a_mesh_stays_at_its_own_place(folder):
         ("in.npz -o a.png --display c.json", "c.json: not TOML but JSON; give a lenticular display's calibration"),
         ("in.npz -o a.png --calibration p.toml", "p.toml: not JSON; this describes a panel under lenses; give it as"),
         ("in.npz -o a.png --display in.json", "in.json: not TOML ("),
-        ("in.npz -o a.png --calibration in.json", "in.json: no calibration; give the JSON that the display holds"),
+        ("in.npz -o a.png --calibration in.json", "in.json: no calibration; give the JSON that the display stores"),
         ("in.npz -o a.png --display p.toml --conversion x", "conversion: 'x' is not known; give spoc or none"),
         ("in.npz -o a.png --display p.toml --disparity x", "disparity: 'x' is not a number"),
         ("in.npz -o a.png --display p.toml --zoom 2", "zoom: this is for meshes and in.npz holds pictures"),
