@@ -1,7 +1,7 @@
-"""The input as names and bytes: one file, a folder or a zip. What a file names is looked up among these only.
+"""The input as names and bytes: one file, a folder or a zip. Files that the input refers to are only looked up here.
 
-Links in a local folder are followed, since the user made or unpacked them; an upload is a file or a zip, and a zip with
-links is refused.
+Links in a local folder are followed, because the user made or unpacked them. An upload is a file or a zip, and a zip
+with links is refused.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ class Bundle:
     """The files of an input. Keys of `files` are relative, normalised, with `/`."""
 
     name: str
-    """For messages and reports."""
+    """The name in messages and reports."""
     main: str | None
-    """The key of the file that was given; None where a set of files was."""
+    """The key of the file that was given; None if a set of files was given."""
     files: Mapping[str, bytes]
     limits: Limits = DEFAULT_LIMITS
-    """Limits for everything that is read of the files."""
+    """The limits for everything that is read from the files."""
     keep_grid: Callable[[NDArray[np.uint8]], object] | None = None
-    """Given a raw lenslet picture, `(H, W, 3)`, with its lens grid over it."""
+    """A function that is called with a raw lenslet picture, `(H, W, 3)`, with its lens grid drawn over it."""
 
     def find_frames(self, key: str) -> dict[str, str]:
-        """The pictures named white and dark, by these names, beside the raw lenslet picture `key`; none where that was
-        given alone.
+        """Finds the pictures named white and dark, by these names, that come with the raw lenslet picture `key`. There
+        are none if that picture was given alone.
         """
         beside = [] if self.main is not None else [other for other in self.files if other != key and is_picture(other)]
         stems = {PurePosixPath(other).stem.lower(): other for other in beside}
@@ -51,10 +51,10 @@ class Bundle:
 
     @classmethod
     def from_path(cls, path: Path, limits: Limits = DEFAULT_LIMITS) -> Bundle:
-        """The file at `path`, with the files beside and below it by name; or a folder; or a zip's contents.
+        """Opens the file at `path`, with the files in and below its folder; or a folder; or a zip's contents.
 
-        Files are read when first used. Raises `Unreadable` where there is nothing to read, `TooLarge` over a limit,
-        `UnsupportedType` where a file's name and content disagree.
+        Files are read when they are first used. Raises `Unreadable` if there is nothing to read, `TooLarge` over a
+        limit, and `UnsupportedType` if a file's name and content disagree.
         """
         if path.is_dir():
             return cls(path.resolve().name, None, Folder(path, limits), limits)
@@ -66,9 +66,9 @@ class Bundle:
 
     @classmethod
     def from_upload(cls, name: str, data: bytes, limits: Limits = DEFAULT_LIMITS) -> Bundle:
-        """A client's file alone, or a zip's contents, unpacked in memory.
+        """Makes a bundle of a client's file alone, or of a zip's contents, unpacked in memory.
 
-        The suffix of `name` is checked against the content; it is never a path. Raises as `from_path` does.
+        The suffix of `name` is checked against the content; `name` is never used as a path. Raises as `from_path` does.
         """
         own = PurePosixPath(name.replace("\\", "/")).name
         if len(data) > limits.bytes:
@@ -81,16 +81,16 @@ class Bundle:
 
 
 class Folder(Mapping[str, bytes]):
-    """The files below a folder, read when first used. Hidden files are not listed. Links are followed.
+    """The files in and below a folder, read when first used. Hidden files are not listed. Links are followed.
 
-    Raises `TooLarge` from iteration with more than `limits.files` files or folders, and on a file of more than
-    `limits.bytes`.
+    Iteration raises `TooLarge` if there are more than `limits.files` files or folders, and reading raises it for a file
+    of more than `limits.bytes`.
     """
 
     def __init__(self, path: Path, limits: Limits, known: Mapping[str, bytes] | None = None) -> None:
         self._path = path
         self._limits = limits
-        self._known = known or {}  # the file that was given itself: it may be a link, and is read once
+        self._known = known or {}  # the file that was given: it may be a link, and is read only once
 
     def __getitem__(self, key: str) -> bytes:
         if key in self._known:
@@ -101,7 +101,7 @@ class Folder(Mapping[str, bytes]):
         return read_file(path, self._limits)
 
     def read_start(self, key: str, length: int) -> bytes:
-        """As `picture_sizes.StartReader.read_start`."""
+        """Implements `picture_sizes.StartReader.read_start`."""
         path = self._find(key)
         if path is None or key in self._known:
             return self[key][:length]
@@ -123,10 +123,10 @@ class Folder(Mapping[str, bytes]):
         return sum(1 for _ in self)
 
     def _walk(self) -> Iterator[tuple[str, list[str]]]:
-        """Each folder with the names of its files, once, also where links lead in a circle."""
+        """Yields each folder once, with the names of its files, even if links lead in a circle."""
         seen: set[tuple[int, int]] = set()
         for folder, below, names in os.walk(self._path, followlinks=True):
-            status = os.stat(folder)  # noqa: PTH116 - a path for each is slow
+            status = os.stat(folder)  # noqa: PTH116 - a Path object for each folder is slow
             if (status.st_dev, status.st_ino) in seen:
                 below.clear()
                 continue
@@ -156,8 +156,8 @@ class Folder(Mapping[str, bytes]):
 class Archive(Mapping[str, bytes]):
     """The files of a zip on the disk, each unpacked when it is used. Hidden files and those of macOS are left out.
 
-    Raises as `unpack`, but that the limit on bytes holds for each file, and what only a file's content shows is raised
-    when it is used.
+    Raises the same errors as `unpack`, with two differences: the limit on bytes applies to each file, and errors in the
+    content of a file are raised when that file is used.
     """
 
     def __init__(self, path: Path, limits: Limits) -> None:
@@ -176,7 +176,7 @@ class Archive(Mapping[str, bytes]):
             return _check_member(self._name, key, self._zip.read(member))
 
     def read_start(self, key: str, length: int) -> bytes:
-        """As `picture_sizes.StartReader.read_start`."""
+        """Implements `picture_sizes.StartReader.read_start`."""
         member = self._members[key]
         with self._lock, _named_zip_errors(self._name), self._zip.open(member) as file:
             return file.read(length)
@@ -189,7 +189,7 @@ class Archive(Mapping[str, bytes]):
 
 
 def _is_zip(path: Path) -> bool:
-    """Whether the file is a zip of files, by its first bytes and its name; not where it can't be read."""
+    """Checks by its first bytes and its name whether the file is a zip of files. False if it can't be read."""
     try:
         with path.open("rb") as file:
             first = file.read(4)
@@ -199,7 +199,7 @@ def _is_zip(path: Path) -> bool:
 
 
 def read_file(path: Path, limits: Limits) -> bytes:
-    """The bytes of `path`. Raises `Unreadable` or `TooLarge` in place of the system's errors."""
+    """Returns the bytes of `path`. Raises `Unreadable` or `TooLarge` instead of the system's errors."""
     with _named_file_errors(path):
         size = path.stat().st_size
         if size > limits.bytes:
@@ -211,7 +211,7 @@ def read_file(path: Path, limits: Limits) -> bytes:
 
 @contextmanager
 def _named_file_errors(path: Path) -> Iterator[None]:
-    """Raises `Unreadable` in place of the system's errors."""
+    """Raises `Unreadable` instead of the system's errors."""
     try:
         yield
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
@@ -231,8 +231,8 @@ def _describe_size(name: str, size: int, limits: Limits) -> str:
 def unpack(name: str, data: bytes, limits: Limits) -> dict[str, bytes]:
     """Unpacks a zip in memory. Hidden files and those that macOS adds are left out.
 
-    Raises `Unreadable` for a corrupt or an encrypted zip and for names that lead out of it, `UnsupportedType` for
-    links, zips within it and rare compressions, `TooLarge` over a limit. Sizes are checked before unpacking.
+    Raises `Unreadable` for a corrupt or encrypted zip and for names that lead out of it, `UnsupportedType` for links,
+    zips inside the zip and rare compressions, and `TooLarge` over a limit. Sizes are checked before unpacking.
     """
     name = clean_text(name)
     with _named_zip_errors(name), zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -242,7 +242,7 @@ def unpack(name: str, data: bytes, limits: Limits) -> dict[str, bytes]:
 
 
 def check_sum(name: str, members: Iterable[zipfile.ZipInfo], limits: Limits) -> None:
-    """Raises `TooLarge` where the files of a zip are too large to be unpacked together."""
+    """Raises `TooLarge` if the files of a zip are too large to be unpacked together."""
     unpacked = sum(member.file_size for member in members)
     if unpacked > limits.bytes:
         raise TooLarge(
@@ -253,7 +253,7 @@ def check_sum(name: str, members: Iterable[zipfile.ZipInfo], limits: Limits) -> 
 
 @contextmanager
 def _named_zip_errors(name: str) -> Iterator[None]:
-    """Raises `Unreadable` in place of zipfile's many errors."""
+    """Raises `Unreadable` instead of zipfile's many errors."""
     try:
         yield
     except (InputError, MemoryError):
@@ -270,8 +270,8 @@ def _check_member(name: str, key: str, content: bytes) -> bytes:
 
 
 def check_members(name: str, members: list[zipfile.ZipInfo], limits: Limits) -> dict[str, zipfile.ZipInfo]:
-    """The files of a zip by their keys. Raises as `unpack`, before anything is unpacked."""
-    names = {member: member.orig_filename.replace("\\", "/") for member in members}  # as unzip takes them
+    """Returns the files of a zip by their keys. Raises the errors of `unpack` before anything is unpacked."""
+    names = {member: member.orig_filename.replace("\\", "/") for member in members}  # as unzip does
     members = [member for member in members if not names[member].endswith("/")]
     if len(members) > limits.files:
         raise TooLarge(f"{name}: {len(members):,} files; at most {limits.files:,} are read; pack fewer", "files")

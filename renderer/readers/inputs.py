@@ -1,4 +1,4 @@
-"""Reads any input as a scene or a light field, by its content."""
+"""Reads any input as a scene or a light field, according to its content."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def read(
     layout: Layout = Layout(),  # noqa: B008 - it is frozen
     placement: Placement = AS_GIVEN,
 ) -> Scene | LightField:
-    """As `open_input`, with all views in memory."""
+    """Reads an input as `open_input` does, with all views in memory."""
     content = open_input(bundle, layout, placement)
     return content.load() if isinstance(content, ViewFiles) else content
 
@@ -71,21 +71,21 @@ def open_input(
 ) -> Scene | LightField | ViewFiles:
     """Reads a mesh as a scene, with the light of `placement`; an elemental image array or views as a light field.
 
-    - A picture that its name, or the JSON beside it, makes a quilt: read as one; of such a video the frame
-      `layout.frame`.
-    - Another picture: an elemental image array of `layout.lenses` or of elemental images of `layout.pixels`; with
-      `layout.lens_grid`, or from a Lytro camera, a raw lenslet picture, in a folder or a zip with its frames, pictures
-      named white and dark.
-    - A file that holds a light field: read by its format's reader.
-    - Several files (a folder, a zip): the one mesh among them, or else all pictures as views, in a grid of
-      `layout.pixels` where their names don't give one. Views are decoded when they are first used; `views` selects
+    - A picture that is a quilt by its name, or by the JSON next to it, is read as one. From a video of quilts the frame
+      `layout.frame` is read.
+    - Any other picture is an elemental image array of `layout.lenses`, or of elemental images of `layout.pixels`. With
+      `layout.lens_grid`, or from a Lytro camera, it is a raw lenslet picture; in a folder or a zip it may come with its
+      frames, pictures named white and dark.
+    - A file that contains a light field is read by its format's reader.
+    - If there are several files (a folder, a zip), the one mesh among them is read, or else all pictures as views, in a
+      grid of `layout.pixels` if their names don't give one. Views are decoded when they are first used; `views` selects
       those that will be (`renderer.views.parse_views`).
 
-    Views are put in the order that `layout` asks for. Where it asks for none, those that are certainly in a wrong order
-    are put right, with a note. An elemental image array stays as it is, since optics give its order: a note names the
-    options that would put it right. `pose`: what of a mesh that holds animations or cameras is shown.
+    Views are put in the order that `layout` specifies. If it specifies none, views that are certainly in a wrong order
+    are corrected, with a note. An elemental image array stays as it is, because its order comes from the optics; a note
+    names the options that would correct it. `pose` selects what is shown of a mesh with animations or cameras.
 
-    Raises `InvalidOption` where an option is missing or doesn't fit; `UnsupportedType`, `Unreadable`, `TooLarge` or
+    Raises `InvalidOption` if an option is missing or doesn't fit, and `UnsupportedType`, `Unreadable`, `TooLarge` or
     `InvalidGeometry` for the input.
     """
     found = find_main(bundle)
@@ -97,14 +97,14 @@ def open_input(
     ):
         raise InvalidOption(
             "frame: this is for a video of elemental image arrays (lenses or arrangement eia) or of quilts "
-            f"(NAME_qs8x6a0.75.mp4); leave it out of {name}"
+            f"(NAME_qs8x6a0.75.mp4); leave it out for {name}"
         )
     if layout.lens_grid is None and found is not None and found[0] in (LYTRO, LYTRO_RAW):
         layout = replace(layout, lens_grid=Known())
     if layout.lens_grid is not None:
         picture = find_picture(bundle)
         if picture is None:
-            raise InvalidOption(f"lens_pitch: this is for one raw lenslet picture, and {name} is none; leave it out")
+            raise InvalidOption(f"lens_pitch: this is for one raw lenslet picture, and {name} is not one; leave it out")
         from ciir.renderer.readers.lenslet import reader
 
         raw = reader.read(bundle, picture[1], layout, layout.lens_grid)
@@ -120,7 +120,7 @@ def open_input(
 
 
 def _read_file(bundle: Bundle, format_: Format, key: str, layout: Layout) -> LightField:
-    """The light field in a container or a picture."""
+    """Reads the light field in a container or a picture."""
     if isinstance(format_, ContainerFormat):
         if format_.name in VIDEOS and (quilt := _find_quilt(bundle, key, layout)) is not None:
             return reorient(_read_quilt_frame(bundle, key, format_, quilt, layout.frame), layout)
@@ -130,8 +130,8 @@ def _read_file(bundle: Bundle, format_: Format, key: str, layout: Layout) -> Lig
     layout = eia.complete_layout(layout, bundle.files[key])
     if bundle.find_frames(key):
         raise InvalidOption(
-            f"lens_pitch: {clean_text(bundle.name)} holds a picture with white or dark frames, as raw lenslet pictures "
-            "have; give their pitch in pixels, or auto"
+            f"lens_pitch: {clean_text(bundle.name)} holds a picture with white or dark frames, as raw lenslet "
+            "pictures have; give their pitch in pixels, or auto"
         )
     if format_ is ARRAY_PICTURE:
         picture, notes = read_array_picture(bundle, key)
@@ -146,7 +146,7 @@ def _read_file(bundle: Bundle, format_: Format, key: str, layout: Layout) -> Lig
 
 
 def read_array_picture(bundle: Bundle, key: str) -> tuple[Pixels, tuple[str, ...]]:
-    """The pixels `(H, W, C)` of a picture that is stored as an array, and notes. Raises `InputError`."""
+    """Reads the pixels `(H, W, C)` of a picture that is stored as an array, and notes. Raises `InputError`."""
     from ciir.renderer.readers.containers import array_pictures
 
     name = _name_main(bundle, key)
@@ -155,7 +155,7 @@ def read_array_picture(bundle: Bundle, key: str) -> tuple[Pixels, tuple[str, ...
 
 
 def _note_left_out(light_field: LightField, bundle: Bundle, key: str) -> LightField:
-    """The light field in the file `key`, with a note on others of a folder or a zip that may have been meant."""
+    """Adds a note on other files of a folder or a zip that may have been meant instead of `key`, which was read."""
     if bundle.main is not None:
         return light_field
     known = {key, *bundle.find_frames(key).values()}
@@ -168,7 +168,7 @@ def _note_left_out(light_field: LightField, bundle: Bundle, key: str) -> LightFi
 
 
 def _find_eslf(light_field: LightField, layout: Layout) -> LightField:
-    """The views that are not empty, with a note, where an elemental image array is ESLF under another name."""
+    """Selects the views that are not empty, with a note, if an elemental image array is ESLF under another name."""
     from ciir.renderer.readers.containers import eslf
 
     is_open = (layout.arrangement, light_field.depth_sense) == ("auto", "lenses") and layout.pickup != "optical"
@@ -179,7 +179,7 @@ def _find_eslf(light_field: LightField, layout: Layout) -> LightField:
 
 
 def holds_views(bundle: Bundle, layout: Layout) -> bool:
-    """Whether `open_input` reads `bundle`, which is no raw lenslet picture, as views, not as elemental images."""
+    """Checks whether `open_input` reads `bundle`, which is not a raw lenslet picture, as views."""
     found = find_content(bundle, layout)
     if found is None:
         return True
@@ -191,15 +191,15 @@ def holds_views(bundle: Bundle, layout: Layout) -> bool:
 
 
 def find_content(bundle: Bundle, layout: Layout) -> tuple[Format, str] | None:
-    """As `find_main`, but what a file holds decides where its format leaves that open: an array may be a picture, and a
-    picture a container.
+    """Finds the main file as `find_main` does, but the content decides if its format leaves that open: an array may be
+    a picture, and a picture a container.
     """
     found = find_main(bundle)
     return None if found is None else (_refine(*found, bundle, layout), found[1])
 
 
 def find_picture(bundle: Bundle) -> tuple[PictureFormat, str] | None:
-    """As `find_main`, of a picture, or an array that is one, which may be a raw lenslet picture; None of others."""
+    """Finds the main file if it is a picture, or an array with one, that may be a raw lenslet picture; else None."""
     found = find_main(bundle)
     if found is None:
         return None
@@ -208,13 +208,13 @@ def find_picture(bundle: Bundle) -> tuple[PictureFormat, str] | None:
 
 
 def find_main(bundle: Bundle) -> tuple[Format, str] | None:
-    """The format and the key of the mesh, picture or container that `read` reads; None for a set of views.
+    """Returns the format and the key of the mesh, picture or container that `read` reads, or None for a set of views.
 
-    Of several files it is the one mesh, or else the one container beside at most one picture, or else the picture that
-    is alone or has frames; but a picture named as the views that we write is a set of one view.
+    Of several files this is the one mesh, or else the one container next to at most one picture, or else the picture
+    that is alone or has frames. A picture that is named like the views that we write is a set of one view.
 
-    Raises `UnsupportedType` or `Unreadable` where there is none, or more than one mesh or container, and
-    `UnsupportedType` where the one mesh is of a type that isn't read.
+    Raises `UnsupportedType` or `Unreadable` if there is none, or more than one mesh or container, and `UnsupportedType`
+    if the one mesh is of a type that isn't read.
     """
     name = clean_text(bundle.name)
     if bundle.main is not None:
@@ -225,7 +225,7 @@ def find_main(bundle: Bundle) -> tuple[Format, str] | None:
     names = sorted(bundle.files)
     views = [key for key in names if is_picture(key)]
     found = [key for key in names if is_mesh(key)]
-    if len(views) > 1:  # a PLY beside a set of views is a point cloud
+    if len(views) > 1:  # a PLY next to a set of views is a point cloud
         found = [key for key in found if not key.lower().endswith(".ply")]
     if len(found) > 1:
         raise Unreadable(f"{name}: holds {len(found)} meshes ({_list_some(found)}); give one of them")
@@ -234,7 +234,7 @@ def find_main(bundle: Bundle) -> tuple[Format, str] | None:
     _refuse_textures(name, names, views)
     if {*TILES} <= {PurePosixPath(key).name for key in names}:
         raise UnsupportedType(
-            f"{name}: tiles are written for viewers and not read again; write the light field as npz, or as any other "
+            f"{name}: tiles are written for viewers and can't be read; write the light field as npz, or as another "
             "container, too"
         )
     pictures = [key for key in views if len(views) == 1 or PurePosixPath(key).stem.lower() not in FRAMES]
@@ -257,8 +257,8 @@ def find_main(bundle: Bundle) -> tuple[Format, str] | None:
 
 
 def _refuse_textures(name: str, names: Sequence[str], pictures: Sequence[str]) -> None:
-    """Raises `UnsupportedType` where all `pictures` are in a folder `textures`, and in a folder `source` is a zip: so
-    Sketchfab packs meshes.
+    """Raises `UnsupportedType` if all `pictures` are in a folder `textures` and there is a zip in a folder `source`:
+    Sketchfab packs meshes like this.
     """
     if not pictures or not all(_lies_in("textures", key) for key in pictures):
         return
@@ -271,7 +271,7 @@ def _refuse_textures(name: str, names: Sequence[str], pictures: Sequence[str]) -
 
 
 def _refuse_meshes(name: str, names: Sequence[str], *, has_pictures: bool) -> None:
-    """Raises `UnsupportedType` where there is a mesh of a type that isn't read: pictures beside it are its textures."""
+    """Raises `UnsupportedType` if there is a mesh of a type that isn't read: pictures next to it are its textures."""
     for key in names:
         if PurePosixPath(key).suffix.lower() in OTHER_MESHES:
             try:
@@ -290,12 +290,12 @@ def _list_some(keys: Sequence[str]) -> str:
 
 
 def _name_main(bundle: Bundle, key: str) -> str:
-    """The main file's name for messages: in a folder or a zip, which may hold others, with theirs before it."""
+    """Returns the main file's name for messages, after the name of the folder or zip if that may hold other files."""
     return clean_text(bundle.name if bundle.main is not None else f"{bundle.name}/{key}")
 
 
 def _find_quilt(bundle: Bundle, key: str, layout: Layout) -> QuiltLayout | QuiltName | None:
-    """The layout of a quilt; None where the picture is another one. Raises `InvalidOption` for other numbers."""
+    """Returns the layout of a quilt, or None for another picture. Raises `InvalidOption` if other numbers are given."""
     given = "lenses" if layout.lenses else "pixels" if layout.pixels else None
     if given is not None and layout.arrangement != "auto":
         return None
@@ -303,14 +303,14 @@ def _find_quilt(bundle: Bundle, key: str, layout: Layout) -> QuiltLayout | Quilt
     if found is not None and given is not None:
         raise InvalidOption(
             f"{given}: {clean_text(bundle.name)} is a quilt of {found.cols}x{found.rows} views (columns x rows), as "
-            "its name or the JSON beside it says; leave it out, or give arrangement eia or mosaic for another picture"
+            "its name or the JSON next to it says; leave it out, or give arrangement eia or mosaic for another picture"
         )
     return found
 
 
 def _refine(format_: Format, key: str, bundle: Bundle, layout: Layout) -> Format:
-    """The format of a container that is a picture, where `format_` is that of the picture; of an array that is one,
-    that of the picture.
+    """Returns the container's format for a picture that is a container, the picture's format for an array that is a
+    picture, and otherwise `format_`.
     """
     if format_.name == "TIFF":
         from ciir.renderer.readers.containers import tiff_stack
@@ -333,7 +333,7 @@ def _refine(format_: Format, key: str, bundle: Bundle, layout: Layout) -> Format
 
 
 def _describe_others(names: list[str]) -> str:
-    """What a set without a mesh, a picture or a container holds."""
+    """Describes what a set without a mesh, a picture or a container contains."""
     if not names:
         return "no files in it (hidden files and links to nothing are not read)"
     packed = [name for name in names if name.lower().endswith(".zip")]
@@ -341,20 +341,20 @@ def _describe_others(names: list[str]) -> str:
         return f"holds a zip, {clean_text(packed[0])}, which is not unpacked within a folder or another zip"
     kinds = sorted({PurePosixPath(name).suffix.lower() or clean_text(name) for name in names})
     listed = ", ".join(clean_text(kind) for kind in kinds[:5]) + (", ..." if kinds[5:] else "")
-    return f"no file of a type that is read among its {len(names)} ({listed})"
+    return f"none of its {len(names)} files is of a type that is read ({listed})"
 
 
 def _read_quilt_frame(
     bundle: Bundle, key: str, format_: ContainerFormat, quilt: QuiltLayout | QuiltName, number: int
 ) -> LightField:
-    """The light field in the frame `number` of a video of quilts."""
+    """Reads the light field in the frame `number` of a video of quilts."""
     from ciir.renderer.readers.containers import video
 
     name = _name_main(bundle, key)
     with reported(name, format_):
         frame = video.read_frame(bundle.files[key], number, name=name, limits=bundle.limits)
     found = quilts.read_pixels(frame, quilt, name=name)
-    note = f"frame {number} of the video is read, a quilt as its name or the JSON beside it says; frame gives another"
+    note = f"frame {number} is read as a quilt, as the video's name or the JSON next to it says; frame selects another"
     return replace(found, notes=(note, *found.notes))
 
 
@@ -364,7 +364,7 @@ def _read_container(bundle: Bundle, key: str, format_: ContainerFormat, layout: 
     with reported(name, format_):
         light_field = reader(bundle.files[key], name=name, layout=layout, limits=bundle.limits)
     grid = light_field.views.shape[:2]
-    if format_ is not ESLF and not {layout.pixels, layout.sequence} & {None, grid}:  # of ESLF they are under a lens
+    if format_ is not ESLF and not {layout.pixels, layout.sequence} & {None, grid}:  # ESLF's pixels are under a lens
         raise InvalidOption(f"pixels: {name} has {grid[0]}x{grid[1]} views; leave it out")
     height, width = light_field.views.shape[2:4]
     if format_ is not ESLF and format_.name not in VIDEOS and grid[0] > height and grid[1] > width:

@@ -1,4 +1,4 @@
-"""Decodes JPEG by Pillow: imagecodecs accepts a truncated JPEG."""
+"""Decodes JPEG with Pillow, because imagecodecs accepts a truncated JPEG."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-# Not Image.open, which would try other decoders and warn of large pictures.
+# Image.open is not used: it would try other decoders and warn about large pictures.
 from PIL.JpegImagePlugin import JpegImageFile
 
 from ciir.errors import TooLarge, UnsupportedType
@@ -22,29 +22,29 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
 
 MAX_SCANS = 100
-"""Most scans in a progressive JPEG: encoders write about ten."""
+"""The most scans in a progressive JPEG. Encoders write about ten."""
 QUANTISATION = 0xDB
 APP1, APP2 = 0xE1, 0xE2  # Exif and XMP; colour profile and multi-picture index
 PROFILE = b"ICC_PROFILE\0"
 
 
 class Luma(NamedTuple):
-    """Brightness as a JPEG stores it."""
+    """The brightness as a JPEG stores it."""
 
     pixels: NDArray[np.uint8]
-    """`(H, W)`."""
+    """The pixels, `(H, W)`."""
     steps: NDArray[np.float32]
-    """`(8, 8)`: of which steps the cosine coefficients of each 8x8 pixels are multiples, vertical frequencies down."""
+    """`(8, 8)`: the steps of which the cosine coefficients of 8x8 pixels are multiples, vertical frequencies down."""
 
 
 def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
-    """Pixels as stored, and the orientation, 1 to 8.
+    """Returns the pixels as stored, and the orientation, 1 to 8.
 
-    Raises `UnsupportedType` for colours that are neither grey nor RGB (CMYK needs its profile to become RGB),
+    Raises `UnsupportedType` for colours that are neither grey nor RGB (CMYK needs its profile to become RGB), and
     `TooLarge` over `MAX_SCANS`.
     """
     data, exif = _split_metadata(data)
-    # No other 0xFF in the coded pixels has this byte after it. Each scan of a progressive JPEG goes over all pixels.
+    # Nowhere else in the coded pixels does this byte follow 0xFF. Each scan of a progressive JPEG covers all pixels.
     scans = data.count(bytes([0xFF, START_OF_SCAN]))
     if scans > MAX_SCANS:
         raise TooLarge(f"{name}: a JPEG of {scans:,} scans; at most {MAX_SCANS} are read; save it without progression")
@@ -56,8 +56,8 @@ def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tu
 
 
 def decode_luma(data: bytes) -> Luma | None:
-    """The brightness in a JPEG that `decode` reads; None where it is stored turned, as RGB, or not at full size, or
-    where tables of steps follow the first scan, which Pillow doesn't list.
+    """Decodes the brightness in a JPEG that `decode` reads. Returns None if it is not stored upright, is stored as RGB
+    or not at full size, or if quantisation tables follow the first scan, which Pillow doesn't list.
     """
     data, exif = _split_metadata(data)
     if read_orientation(exif) != 1 or bytes([0xFF, QUANTISATION]) in data[data.find(bytes([0xFF, START_OF_SCAN])) :]:
@@ -67,13 +67,13 @@ def decode_luma(data: bytes) -> Luma | None:
         is_rgb = image.mode == "RGB" and (image.info.get("adobe_transform") == 0 or image.layer[0][0] == ord("R"))
         if is_rgb or any(sampling[axis] < layer[1 + axis] for axis in (0, 1) for layer in image.layer):
             return None
-        steps = np.maximum(np.array(image.quantization[table], np.float32), 1).reshape(8, 8)  # a damaged one may hold 0
+        steps = np.maximum(np.array(image.quantization[table], np.float32), 1).reshape(8, 8)  # damaged files may hold 0
         image.draft("L", image.size)
         return Luma(np.asarray(image), steps)
 
 
 def find_profile(data: bytes) -> bytes | None:
-    """The colour profile, of segments APP2 in their order (ICC.1:2022, B.4); None where there is none."""
+    """Returns the colour profile from segments APP2 in their order (ICC.1:2022, B.4), or None if there is none."""
     found = {
         segment[16]: segment[18:] for kind, segment in list_segments(data) if kind == APP2 and segment[4:16] == PROFILE
     }
@@ -81,9 +81,9 @@ def find_profile(data: bytes) -> bytes | None:
 
 
 def _split_metadata(data: bytes) -> tuple[bytes, bytes]:
-    """The JPEG without APP1 and APP2, and its Exif block ("" where there is none), which starts at the TIFF header.
+    """Returns the JPEG without APP1 and APP2, and its Exif block from the TIFF header on ("" if there is none).
 
-    Pillow reads those segments as well, and prints warnings of what is malformed in them.
+    Pillow would read those segments, too, and print warnings about malformed data in them.
     """
     kept, exif = [data[:2]], b""
     for kind, segment in list_segments(data):

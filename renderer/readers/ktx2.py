@@ -1,4 +1,4 @@
-"""Decodes KTX2 textures of Basis Universal, ETC1S or UASTC, by opengl-basisu (KTX 2.0; KHR_texture_basisu)."""
+"""Decodes KTX2 textures of Basis Universal (ETC1S or UASTC) with opengl-basisu (KTX 2.0; KHR_texture_basisu)."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
 
 _LEVELS = 80
-"""Where the index of levels starts, the largest one first: offset, length, and length without supercompression."""
+"""The offset of the index of levels, largest first: offset, length, and length without supercompression."""
 _BLOCK_BYTES = 16
 
 
 def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
-    """RGBA of the largest level, and the orientation, which is always 1.
+    """Returns the RGBA of the largest level, and the orientation, which is always 1.
 
-    Raises `UnsupportedType` where opengl-basisu is not installed.
+    Raises `UnsupportedType` if opengl-basisu is not installed.
     """
     try:
         import opengl_basisu

@@ -1,4 +1,4 @@
-"""How a light field lies in its file."""
+"""The layout of a light field in its file."""
 
 from __future__ import annotations
 
@@ -13,51 +13,52 @@ if TYPE_CHECKING:
     from ciir.renderer.views import DepthSense, Flip, Pickup
 
 Arrangement = Literal["auto", "eia", "mosaic"]
-"""What a picture of all views is: elemental images side by side, or views side by side; `auto`: which its period shows.
+"""The arrangement of a picture of all views: elemental images side by side, or views side by side; with `auto`, the
+picture's period decides.
 """
 
 OrderCheck = Literal["auto", "given", "rows", "columns", "serpentine"]
-"""What is row and what is column: what the names and the pictures show; what the names show; the first number or index
-is the row; or it is the column; or as the names show, but every other row from right to left.
+"""How rows and columns of views are found. `auto`: from the names and the pictures. `given`: from the names. `rows`:
+the first number or index is the row. `columns`: it is the column. `serpentine`: from the names, but with every other
+row from right to left.
 """
 
 TEXT = "ciir layout"
-"""The keyword of the text by which a PNG that we write says how its views lie in it."""
+"""The keyword of the text in which our PNGs describe how their views are laid out."""
 _WRITTEN = re.compile(r"(eia|mosaic) pixels=(\d{1,5})x(\d{1,5}) lenses=(\d{1,5})x(\d{1,5}) pickup=(virtual|optical)")
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How a light field lies in its file, as far as that is given. A reader uses what its format leaves open."""
+    """The layout of a light field in its file, as far as given. Readers use it for what their format leaves open."""
 
     lenses: tuple[int, int] | None = None
-    """Rows and columns of lenses: the pixels of a view."""
+    """Rows and columns of lenses, which are the pixels of a view."""
     pixels: tuple[int, int] | None = None
-    """Rows and columns of pixels under a lens: the number of views."""
+    """Rows and columns of pixels under a lens, which are the views."""
     pickup: Pickup | None = None
-    """None: as the file says, else virtual."""
+    """The pickup; None for that of the file, or virtual if the file states none."""
     frame: int = 0
-    """Of a video, where `selects_frame` or its name says that it is of quilts: which one."""
+    """Which frame of a video is read, if `selects_frame` is true or its name says that it is of quilts."""
     arrangement: Arrangement = "auto"
     crop: tuple[int, int, int, int] = (0, 0, 0, 0)
-    """Pixels of margin around an elemental image array or a mosaic: top, left, bottom, right."""
+    """The margin in pixels around an elemental image array or a mosaic: top, left, bottom, right."""
     order: OrderCheck = "auto"
     flip: Flip = "none"
-    """Which order of views is reversed, after `transpose`."""
+    """The order of views that is reversed, after `transpose`."""
     transpose: bool = False
     """Whether rows and columns of views are exchanged."""
     depth_sense: DepthSense | None = None
-    """Whether views, in the order of the file, count pixels under lenses or cameras; None: as the file or its format
-    says."""
+    """Whether views, in file order, count pixels under lenses or cameras; None if the file or its format decides."""
     restores_jpeg: bool = False
-    """Whether the rounding of an elemental image array that is a JPEG is undone in part."""
+    """Whether the rounding in an elemental image array that is a JPEG is partly undone."""
     lens_grid: Known | None = None
-    """Of a raw lenslet picture; None for a picture that is an elemental image array."""
+    """The lens grid of a raw lenslet picture; None if the picture is an elemental image array."""
 
     @property
     def sequence(self) -> tuple[int, int] | None:
-        """Rows and columns that views one after another fill row by row, before `order` is taken: `pixels`, with
-        `order` columns exchanged.
+        """Rows and columns that consecutive views fill row by row, before `order` is applied: `pixels`, exchanged if
+        `order` is columns.
         """
         return self.pixels[::-1] if self.pixels and self.order == "columns" else self.pixels
 
@@ -67,8 +68,8 @@ class Layout:
         return self.lenses is not None or self.arrangement != "auto"
 
     def complete(self, text: str, size: tuple[int, int]) -> Layout:
-        """With what the text of a picture of `size` says (`write_text`). Unchanged where other things are given, or
-        where it is of another size: what cuts or scales a picture may keep its texts.
+        """Returns the layout completed from the text of a picture of `size` (`write_text`). It is unchanged if other
+        values are given, or if the picture has another size: software that cuts or scales a picture may keep its texts.
         """
         found = _WRITTEN.fullmatch(text)
         if found is None or self.arrangement != "auto" or any(self.crop):
@@ -83,5 +84,5 @@ class Layout:
 
 
 def write_text(arrangement: Literal["eia", "mosaic"], shape: Sequence[int], pickup: Pickup = "virtual") -> str:
-    """The text by which a PNG says how views of `shape`, `(V, U, H, W, C)`, lie in it."""
+    """Returns the text that describes in a PNG how views of `shape`, `(V, U, H, W, C)`, are laid out."""
     return "{} pixels={}x{} lenses={}x{} pickup={}".format(arrangement, *shape[:4], pickup)

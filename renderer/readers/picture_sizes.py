@@ -1,4 +1,4 @@
-"""Reads the sizes of pictures from the start of their files and loads no decoder."""
+"""Reads the sizes of pictures from the start of their files without loading a decoder."""
 
 from __future__ import annotations
 
@@ -12,52 +12,52 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
 Size = tuple[int, int]
-"""Height and width, as stored."""
+"""The height and width as stored."""
 START_BYTES = 1 << 16
-"""Of a file, to find the size: a JPEG's may stand behind metadata and a colour profile."""
+"""How much of a file is read to find the size: a JPEG's size may come after metadata and a colour profile."""
 _FRAME_HEADERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 START_OF_SCAN = 0xDA
 _WIDTH, _LENGTH = 256, 257
 _INTEGERS = {1: "B", 3: "H", 4: "I", 16: "Q"}
-"""Of a TIFF tag, by its type."""
+"""The struct formats of the integers in TIFF tags, by type."""
 
 
 @runtime_checkable
 class StartReader(Protocol):
-    """Files whose start can be read without the rest."""
+    """Files whose start can be read without the rest of them."""
 
     def read_start(self, key: str, length: int) -> bytes | None:
-        """The first bytes of a file, or all of a shorter one; None where all of it would have to be read."""
+        """Returns the first bytes of a file, or all of a shorter one; None if the whole file would have to be read."""
 
 
 def read_start(files: Mapping[str, bytes], key: str, length: int) -> bytes | None:
-    """As `StartReader.read_start`, of any files of a bundle."""
+    """Reads the start of any file of a bundle, as `StartReader.read_start` does."""
     if isinstance(files, StartReader):
         return files.read_start(key, length)
     return files[key][:length] if isinstance(files, dict) else None
 
 
 def find_size(files: Mapping[str, bytes], key: str) -> Size | None:
-    """The size of a picture by its first `START_BYTES`; None where these don't state it, or can't be read alone."""
+    """Returns a picture's size from its first `START_BYTES`, or None if they don't state it or can't be read alone."""
     start = read_start(files, key, START_BYTES)
     entry = None if start is None else find_format(start)
     return None if start is None or entry is None else read_size(entry, start)
 
 
 def find_format(start: bytes) -> PictureFormat | None:
-    """The format of the picture whose file starts with these bytes; None where it is no picture."""
+    """Returns the format of the picture whose file starts with these bytes, or None if it is not a picture."""
     return next((entry for entry in find_by_signature(start) if isinstance(entry, PictureFormat)), None)
 
 
 def read_size(entry: PictureFormat, start: bytes) -> Size | None:
-    """The size of a picture of this format whose file starts with `start`; None where that does not state it."""
-    with suppress(Exception):  # what is damaged raises many kinds
+    """Returns the size of a picture of this format whose file starts with `start`, or None if that doesn't state it."""
+    with suppress(Exception):  # damaged files raise many kinds of errors
         return _READERS[entry.name](start)
     return None
 
 
 def read_webp(data: bytes) -> Size | None:
-    """Of the header of the first chunk (RFC 9649, sections 2.5 to 2.7 and 3.4); None for another RIFF file."""
+    """Reads the header of the first chunk (RFC 9649, sections 2.5 to 2.7 and 3.4); None for another RIFF file."""
     kind = data[8:16]
     if kind == b"WEBPVP8X":
         width, height = (int.from_bytes(data[at : at + 3], "little") + 1 for at in (24, 27))
@@ -77,14 +77,14 @@ def _read_png(data: bytes) -> Size:
 
 
 def _read_jpeg(data: bytes) -> Size:
-    """Of the largest frame header before the first scan (ITU-T T.81, B.2.2): decoders take one of several."""
+    """Reads the largest frame header before the first scan (ITU-T T.81, B.2.2): decoders take one of several."""
     headers = [segment for kind, segment in list_segments(data) if kind in _FRAME_HEADERS]
     sizes: list[Size] = [struct.unpack_from(">HH", header, 5) for header in headers]
     return max(sizes, key=lambda size: size[0] * size[1])
 
 
 def list_segments(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """The marker of each segment of a JPEG, and the segment with it; the last one is all from the first scan on."""
+    """Yields the marker of each JPEG segment, and the segment with it. The last is all data from the first scan on."""
     offset = 2
     while (start := struct.unpack_from(">BB", data, offset)) != (0xFF, START_OF_SCAN):
         if start[0] != 0xFF:
@@ -99,7 +99,7 @@ def list_segments(data: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _read_tiff(data: bytes) -> Size:
-    """Of the first directory (TIFF 6.0, section 2; BigTIFF), by the largest number where a tag stands twice."""
+    """Reads the first directory (TIFF 6.0, section 2; BigTIFF). If a tag occurs twice, the largest number counts."""
     order = "<" if data[:2] == b"II" else ">"
     is_big = data[2:4] in (b"+\0", b"\0+")
     offset, count, step = ("Q", "Q", 20) if is_big else ("I", "H", 12)

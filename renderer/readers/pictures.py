@@ -1,7 +1,7 @@
-"""Decodes pictures of 8 and 16 bit, and TIFFs of floating-point numbers, which become 16 bit.
+"""Decodes 8-bit and 16-bit pictures, and TIFFs of floating-point numbers, which become 16 bit.
 
-Sizes are checked before anything of that size is allocated. Colour profiles and gamma are ignored: pixels are taken as
-they are stored (`metadata.colour_profiles` has notes on that).
+Sizes are checked before anything of that size is allocated. Colour profiles and gamma are ignored: pixels are used as
+stored (`metadata.colour_profiles` writes notes about this).
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ PICTURES = tuple(entry for entry in FORMATS if isinstance(entry, PictureFormat))
 SUFFIXES = frozenset(suffix for entry in PICTURES for suffix in entry.suffixes)
 """The suffixes of pictures that are read, in lower case."""
 MAX_SIDE = 131_072
-"""Most pixels along one side of a picture."""
+"""The most pixels along one side of a picture."""
 
-# The error that is raised is enough: tifffile's log lines would be printed on standard error.
+# The raised error is enough: tifffile's log lines would be printed on standard error.
 logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 
@@ -43,15 +43,15 @@ def decode(
     check: Callable[[int, int], None] | None = None,
     other: PictureFormat | None = None,
 ) -> Pixels:
-    """A picture's pixels as stored, `(height, width, channels)`, 8 or 16 bit, turned as its orientation tag says;
-    floating-point ones from 0 to 1 as 16 bit (`is_rounded`).
+    """Returns a picture's pixels as stored, `(height, width, channels)`, 8 or 16 bit, turned as its orientation tag
+    says. Floating-point pixels from 0 to 1 become 16 bit (`is_rounded`).
 
-    PNG's palettes, 1 to 4 bits and transparent colour are expanded. The array may be read-only. `name` is for messages
-    alone. `check(height, width)` is called before decoding and may raise an error of its own. `other`: the format where
-    it is none of `PICTURES`.
+    PNG's palettes, 1 to 4 bits and transparent colour are expanded. The array may be read-only. `name` is only for
+    messages. `check(height, width)` is called before decoding and may raise an error of its own. `other` is the format
+    if the picture is none of `PICTURES`.
 
     Raises `UnsupportedType` for other formats and other pixels, `TooLarge` over `max_pixels` (height x width) or
-    `MAX_SIDE` or where memory runs out, `Unreadable` where the picture is damaged or cut off.
+    `MAX_SIDE` or if memory runs out, and `Unreadable` if the picture is damaged or cut off.
     """
 
     def check_whole(height: int, width: int) -> None:
@@ -93,7 +93,7 @@ def check_size(height: int, width: int, *, name: str, max_pixels: int = DEFAULT_
 
 
 def is_rounded(data: bytes) -> bool:
-    """Whether the picture in `data`, which was decoded, is of floating-point numbers."""
+    """Checks whether the picture in `data`, which was decoded, has floating-point pixels."""
     found = find_format(data)
     if found is None or found.name != "TIFF":
         return False
@@ -103,7 +103,7 @@ def is_rounded(data: bytes) -> bool:
 
 
 def _turn_upright(pixels: Pixels, orientation: int) -> Pixels:
-    """Undoes orientation 1 to 8 of Exif and TIFF 6.0."""
+    """Undoes the orientations 1 to 8 of Exif and TIFF 6.0."""
     if orientation in (5, 6, 7, 8):
         pixels = pixels.swapaxes(0, 1)
     if orientation in (3, 4, 7, 8):

@@ -1,7 +1,7 @@
-"""Decodes PNG, 8 and 16 bit (W3C PNG, third edition), by Pillow.
+"""Decodes 8-bit and 16-bit PNG (W3C PNG, third edition) with Pillow.
 
-Not by imagecodecs: each corrupt PNG costs it (2026.3.6) one reference to None, which ends a Python 3.11 process after
-some thousands of them.
+imagecodecs 2026.3.6 is not used: each corrupt PNG costs it one reference to None, which ends a Python 3.11 process
+after some thousands of them.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-# Not Image.open, which would try other decoders and warn of large pictures.
+# Image.open is not used: it would try other decoders and warn about large pictures.
 from PIL.PngImagePlugin import PngImageFile
 
 from ciir.errors import Unreadable
@@ -32,7 +32,7 @@ PROFILE_BYTES = 2**20
 
 
 def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
-    """Pixels of any PNG, with palettes, 1 to 4 bits and a transparent colour expanded; and the orientation, 1 to 8."""
+    """Returns a PNG's pixels (palettes, 1 to 4 bits, transparent colours are expanded), and the orientation, 1 to 8."""
     if data[12:16] != b"IHDR" or len(data) < 33:
         raise Unreadable(f"{name}: the PNG header is cut off or corrupt; send the whole file")
     width, height, depth, colour = struct.unpack_from(">IIBB", data, 16)
@@ -43,7 +43,7 @@ def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tu
 
 
 def find_text(data: bytes, keyword: str) -> str | None:
-    """The first text (chunk tEXt) with that keyword, before the pixels; None where there is none."""
+    """Returns the first text (chunk tEXt) with that keyword before the pixels, or None if there is none."""
     for kind, chunk in _list_chunks(data):
         if kind == b"IDAT":
             return None
@@ -54,7 +54,7 @@ def find_text(data: bytes, keyword: str) -> str | None:
 
 
 def find_profile(data: bytes) -> bytes | None:
-    """The start of the colour profile (chunk iCCP), `PROFILE_BYTES` bytes at most; None where there is none."""
+    """Returns the start of the colour profile (chunk iCCP), at most `PROFILE_BYTES` bytes, or None if there is none."""
     for kind, chunk in _list_chunks(data):
         if kind == b"IDAT":
             return None
@@ -65,7 +65,7 @@ def find_profile(data: bytes) -> bytes | None:
 
 
 def _decode_8(data: bytes, depth: int) -> Pixels:
-    """Up to 8 bits, and 16-bit grey: Pillow keeps every bit of these."""
+    """Decodes pixels of up to 8 bits, and 16-bit grey: Pillow keeps every bit of these."""
     with PngImageFile(io.BytesIO(data)) as image:
         key = image.info.get("transparency")
         if image.mode == "P":
@@ -74,22 +74,22 @@ def _decode_8(data: bytes, depth: int) -> Pixels:
 
 
 def _decode_16(data: bytes, colour: int) -> Pixels:
-    """16-bit colour or alpha: Pillow keeps their high bytes alone, so that it reads them twice."""
-    if colour == GREY_ALPHA:  # 4 bytes a pixel, as 8-bit RGBA has: the same filters, the same bytes
+    """Decodes 16-bit colour or alpha. Pillow keeps only the high bytes, so the pixels are read twice."""
+    if colour == GREY_ALPHA:  # 4 bytes a pixel, as in 8-bit RGBA: the same filters, the same bytes
         header = b"IHDR" + data[16:24] + bytes([8, RGB_ALPHA]) + data[26:29]
         data = data[:12] + header + struct.pack(">I", zlib.crc32(header)) + data[33:]
         with PngImageFile(io.BytesIO(data)) as image:
             return np.asarray(image).view(">u2")
     with PngImageFile(io.BytesIO(data)) as image:
         high, key = np.asarray(image), image.info.get("transparency")
-    with PngImageFile(io.BytesIO(data)) as image:  # the low byte is the high one in the other byte order
+    with PngImageFile(io.BytesIO(data)) as image:  # the low byte is the high byte in the other byte order
         image.tile = [tile._replace(args=str(tile.args).replace(";16B", ";16L")) for tile in image.tile]
         low = np.asarray(image)
     return _add_alpha(high.astype(np.uint16) << 8 | low, key, 16)
 
 
 def _add_alpha(pixels: Pixels, key: int | tuple[int, ...] | None, depth: int) -> Pixels:
-    """Adds alpha that is 0 where the pixel has the transparent colour `key` of chunk tRNS, given at `depth` bits."""
+    """Adds alpha that is 0 where a pixel has the transparent colour `key` of chunk tRNS, given at `depth` bits."""
     if key is None:
         return pixels
     colours = pixels if pixels.ndim == 3 else pixels[..., np.newaxis]
@@ -99,9 +99,9 @@ def _add_alpha(pixels: Pixels, key: int | tuple[int, ...] | None, depth: int) ->
 
 
 def _split_chunks(data: bytes, name: str) -> tuple[bytes, bytes]:
-    """The PNG without the chunks that hold no pixels, and its Exif block ("" where there is none).
+    """Returns the PNG without the chunks that hold no pixels, and its Exif block ("" if there is none).
 
-    Texts and profiles are compressed, and swell on reading.
+    Texts and profiles are compressed and grow when they are read.
     """
     kept, exif = [SIGNATURE], b""
     for kind, chunk in _list_chunks(data):
@@ -115,7 +115,7 @@ def _split_chunks(data: bytes, name: str) -> tuple[bytes, bytes]:
 
 
 def _list_chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
-    """The kind of each whole chunk, and the chunk with its length and checksum."""
+    """Yields the kind of each complete chunk, and the chunk with its length and checksum."""
     offset = len(SIGNATURE)
     while offset + 12 <= len(data):
         length, kind = struct.unpack_from(">I4s", data, offset)

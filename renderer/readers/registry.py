@@ -1,6 +1,6 @@
-"""The registry of input formats: suffixes, how content is recognised, and the function that reads it.
+"""The registry of input formats: their suffixes, how content is recognised, and the functions that read it.
 
-To add a format, write one module with its reader and add one entry to `FORMATS`; readers are imported when first used.
+To add a format, write one module with its reader and add one entry to `FORMATS`. Readers are imported when first used.
 """
 
 from __future__ import annotations
@@ -27,27 +27,27 @@ if TYPE_CHECKING:
 
 
 class MeshReader(Protocol):
-    """Reads a mesh file's bytes. Whatever it raises but an `InputError` becomes `Unreadable`."""
+    """Reads a mesh file's bytes. Any error except an `InputError` becomes `Unreadable`."""
 
     def __call__(self, data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
-        """The file's surfaces. `name` stands in messages; textures and other files come from `resolver`."""
+        """Returns the file's surfaces. `name` is used in messages; textures and other files come from `resolver`."""
 
 
 class PictureDecoder(Protocol):
-    """Decodes a picture file's bytes. Whatever it raises but an `InputError` becomes `Unreadable`."""
+    """Decodes a picture file's bytes. Any error except an `InputError` becomes `Unreadable`."""
 
     def __call__(self, data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
-        """Pixels as stored, and the orientation, 1 to 8.
+        """Returns the pixels as stored, and the orientation, 1 to 8.
 
         `check_size(height, width)` must be called before anything of that size is allocated.
         """
 
 
 class ContainerReader(Protocol):
-    """Reads a file that holds a whole light field. Whatever it raises but an `InputError` becomes `Unreadable`."""
+    """Reads a file that holds a whole light field. Any error except an `InputError` becomes `Unreadable`."""
 
     def __call__(self, data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
-        """The light field with its depth sense. `name` stands in messages.
+        """Returns the light field with its depth sense. `name` is used in messages.
 
         Sizes must be checked against `limits` before anything of that size is allocated.
         """
@@ -58,17 +58,17 @@ class Format:
     """A file format that is read."""
 
     name: str
-    """As messages show it."""
+    """The format's name in messages."""
     suffixes: tuple[str, ...]
-    """In lower case; the first one is the usual one."""
+    """The suffixes in lower case; the first one is the usual one."""
     signatures: tuple[bytes, ...] = ()
-    """What its files start with, one of them; empty for formats without a signature."""
+    """The byte strings that files start with, one of them; empty for formats without a signature."""
     text: re.Pattern[bytes] | None = None
-    """For a text format without a signature: found in every file of it, from its first character that is no space."""
+    """The pattern of a text format without a signature. Every file matches it after leading white space is removed."""
     reader: str = ""
     """`module:function` of its `MeshReader`, `PictureDecoder` or `ContainerReader`, the module relative to `folder`."""
     remedy: str = "save it again"
-    """For content that is something else."""
+    """The remedy in the message about files whose content is something else."""
     folder = "readers"
 
     @property
@@ -89,7 +89,7 @@ class MeshFormat(Format):
     is_posed: bool = False
     """Whether its reader takes a `MeshPose`, as `pose`, and returns the surfaces and a `Lens` or None."""
     is_one_file: bool = False
-    """Whether its files usually hold their textures or have none, so that pictures beside one are something else."""
+    """Whether files usually hold their textures or have none, so that pictures next to them are something else."""
 
     folder = "readers.meshes"
 
@@ -105,7 +105,7 @@ class ContainerFormat(Format):
 
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
-ZIP = Format(name="ZIP", suffixes=(".zip",), signatures=(b"PK\x03\x04", b"PK\x05\x06"))  # the second one: an empty zip
+ZIP = Format(name="ZIP", suffixes=(".zip",), signatures=(b"PK\x03\x04", b"PK\x05\x06"))  # the second: an empty zip
 STL = MeshFormat(
     name="STL",
     suffixes=(".stl",),
@@ -118,7 +118,7 @@ LYTRO = PictureFormat(
 )
 LYTRO_RAW = PictureFormat(name="Lytro RAW", suffixes=(".raw",), reader="lytro.picture:decode_raw")
 LYTRO_RAW_SIZES = (51_854_880, 16_137_600)
-"""Bytes of an Illum's and of an F01's `.raw` files, which have no signature."""
+"""The sizes in bytes of `.raw` files of an Illum and an F01. These files have no signature."""
 FORMATS: tuple[Format, ...] = (
     MeshFormat(
         name="GLB",
@@ -137,7 +137,7 @@ FORMATS: tuple[Format, ...] = (
     ),
     MeshFormat(name="PLY", suffixes=(".ply",), signatures=(b"ply\n", b"ply\r"), reader="ply:read", is_one_file=True),
     STL,
-    # The first word of the first line that is no comment.
+    # The first word of the first line that is not a comment.
     MeshFormat(
         name="OFF",
         suffixes=(".off",),
@@ -154,7 +154,7 @@ FORMATS: tuple[Format, ...] = (
     PictureFormat(
         name="TIFF",
         suffixes=(".tif", ".tiff"),
-        signatures=(b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"),  # the last two: BigTIFF
+        signatures=(b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"),  # the last two are BigTIFF
         reader="tiff:decode",
     ),
     PictureFormat(name="WebP", suffixes=(".webp",), signatures=(b"RIFF",), reader="webp:decode"),
@@ -175,24 +175,24 @@ FORMATS: tuple[Format, ...] = (
     ContainerFormat(
         name="MP4",
         suffixes=(".mp4", ".m4v", ".mov"),
-        signatures=tuple(bytes((0, 0, 0, size)) + b"ftyp" for size in range(12, 64, 4)),  # a box with its size
+        signatures=tuple(bytes((0, 0, 0, size)) + b"ftyp" for size in range(12, 64, 4)),  # a box after its size
         reader="video:read",
     ),
     ContainerFormat(name="MKV", suffixes=(".mkv", ".webm"), signatures=(b"\x1aE\xdf\xa3",), reader="video:read"),
     ContainerFormat(name="GIF", suffixes=(".gif",), signatures=(b"GIF87a", b"GIF89a"), reader="video:read"),
     MeshFormat(name="3MF", suffixes=(".3mf",), signatures=ZIP.signatures, reader="threemf:read"),  # a zip by content
 )
-"""Every format that is read. Where content fits several, the suffix decides, and without one the order here."""
+"""Every format that is read. If content fits several, the suffix decides, or else the order of this list."""
 
 VIDEOS = ("MP4", "MKV", "GIF")
 """The names of the containers with frames."""
 TIFF_STACK = ContainerFormat(name="TIFF stack", suffixes=(".tif", ".tiff"), reader="tiff_stack:read")
 ESLF = ContainerFormat(name="ESLF", suffixes=(".png",), reader="eslf:read")
-"""Containers that are pictures, too; what they hold or are called says so, and `readers.inputs` looks there."""
+"""Containers that are also pictures. Their content or name says so; `readers.inputs` checks these."""
 ARRAYS = ("NPY", "NPZ", "MAT", "HDF5")
 """The names of the containers of arrays."""
 ARRAY_PICTURE = PictureFormat(name="array", suffixes=(".npy", ".npz", ".mat", ".h5", ".hdf5"))
-"""One of them with a picture in it; `containers.array_pictures` reads it."""
+"""A file of `ARRAYS` with a picture in it; `containers.array_pictures` reads it."""
 
 SUFFIXES: dict[str, Format] = {suffix: entry for entry in FORMATS for suffix in entry.suffixes}
 """The format of each suffix."""
@@ -215,24 +215,24 @@ _PLACEHOLDERS = (
         "this is a Git LFS pointer; download the file itself, as git lfs pull does",
     ),
 )
-"""What may be stored in place of a file, and the message."""
+"""Patterns of data that may be stored in place of a file, with the messages about them."""
 
 _USER_BLOCKS = tuple(512 * 2**n for n in range(12))
-"""Sizes of what may stand before HDF5 (HDF5 File Format Specification 3.0, II.A)."""
+"""The sizes of user blocks that may precede HDF5 (HDF5 File Format Specification 3.0, II.A)."""
 _BOM = b"\xef\xbb\xbf"
 _STL_HEADER = 84  # 80 bytes of free text, then the number of triangles as uint32
 _STL_TRIANGLE = 50
 
 
 def find_by_suffix(name: str) -> Format | None:
-    """The format that the suffix of `name` stands for; None for a name without one.
+    """Returns the format of the suffix of `name`, or None for a name without a suffix.
 
     Raises `UnsupportedType` for a suffix that is not one of `SUFFIXES`.
     """
     suffix = PurePosixPath(name.replace("\\", "/")).suffix.lower()
     if suffix in OTHER_MESHES:
         raise UnsupportedType(
-            f"{clean_text(name)}: meshes of type {suffix} are not read; export it as GLB (read are {MESHES})"
+            f"{clean_text(name)}: meshes of type {suffix} are not read; export it as GLB (these are read: {MESHES})"
         )
     if suffix and suffix not in SUFFIXES:
         raise UnsupportedType(
@@ -242,29 +242,29 @@ def find_by_suffix(name: str) -> Format | None:
 
 
 def is_picture(name: str) -> bool:
-    """Whether `name` has the suffix of a picture format."""
+    """Checks whether `name` has the suffix of a picture format."""
     return isinstance(SUFFIXES.get(PurePosixPath(name).suffix.lower()), PictureFormat)
 
 
 def is_mesh(name: str) -> bool:
-    """Whether `name` has the suffix of a mesh format."""
+    """Checks whether `name` has the suffix of a mesh format."""
     return isinstance(SUFFIXES.get(PurePosixPath(name).suffix.lower()), MeshFormat)
 
 
 def is_container(name: str) -> bool:
-    """Whether `name` has the suffix of a format of whole light fields."""
+    """Checks whether `name` has the suffix of a format of whole light fields."""
     return isinstance(SUFFIXES.get(PurePosixPath(name).suffix.lower()), ContainerFormat)
 
 
 def find_by_signature(data: bytes) -> list[Format]:
-    """The formats with a signature that `data` starts with."""
+    """Returns the formats with a signature that `data` starts with."""
     return [entry for entry in FORMATS if data.startswith(entry.signatures)]
 
 
 def identify(name: str, data: bytes) -> Format:
-    """The format of `data`, on which its content and the suffix of `name` agree; without a suffix, by content alone.
+    """Returns the format of `data` if its content and the suffix of `name` agree. Without a suffix the content decides.
 
-    Raises `Unreadable` for empty data, `UnsupportedType` where name and content disagree or the format is unknown.
+    Raises `Unreadable` for empty data, and `UnsupportedType` if name and content disagree or the format is unknown.
     """
     by_name = find_by_suffix(name)
     if not data:
@@ -279,7 +279,7 @@ def identify(name: str, data: bytes) -> Format:
             raise UnsupportedType(f"{clean_text(name)}: the content is {what}, not {by_name.name}; {by_name.remedy}")
         raise UnsupportedType(f"{clean_text(name)}: {what} of no known format; give one of {READ}")
     if by_name not in {None, by_content}:
-        what = f"the suffix is of {by_name.name if by_name else ''} but the content is of {by_content.name}"
+        what = f"the suffix is that of {by_name.name if by_name else ''} but the content is {by_content.name}"
         raise UnsupportedType(f"{clean_text(name)}: {what}; rename it to end with {by_content.suffixes[0]}")
     return by_content
 
@@ -293,13 +293,13 @@ def _recognise(data: bytes, by_name: Format | None) -> Format | None:
         return next((entry for entry in FORMATS if entry.text is not None and entry.text.search(text)), None)
     if by_name is LYTRO_RAW and len(data) in LYTRO_RAW_SIZES:
         return LYTRO_RAW
-    # A binary STL has no signature, and one that is cut short not even its size: its reader reports that.
+    # A binary STL has no signature, and one that is cut short not even the right size: its reader reports that.
     size = _STL_HEADER + _STL_TRIANGLE * int.from_bytes(data[80:_STL_HEADER], "little")
     return STL if by_name is STL or (len(data) >= _STL_HEADER and len(data) == size) else None
 
 
 def _find_hdf5(data: bytes) -> bytes:
-    """The start of HDF5 behind a user block, of 512 bytes or a power of two more of any content; "" where none is."""
+    """Returns the start of HDF5 after a user block of any content (512 bytes times a power of two); "" if none."""
     at = next((at for at in _USER_BLOCKS if data.startswith(HDF5, at)), None)
     return b"" if at is None else data[at : at + len(HDF5)]
 
@@ -310,7 +310,7 @@ def _is_text(data: bytes) -> bool:
 
 @contextmanager
 def reported(name: str, format_: Format) -> Iterator[None]:
-    """Reports whatever the library of a container's format raises as damage, and lack of memory as such."""
+    """Reports any error of a container format's library as damage, and lack of memory as such."""
     try:
         yield
     except InputError:

@@ -1,4 +1,4 @@
-"""Decodes TIFF: one page of 8 or 16 bit or floating-point grey or RGB, with or without alpha (TIFF 6.0 and BigTIFF).
+"""Decodes TIFF: one page of 8-bit, 16-bit or floating-point grey or RGB, with or without alpha (TIFF 6.0 and BigTIFF).
 
 Floating-point samples, from 0 to 1, are rounded to 16 bit.
 """
@@ -27,12 +27,12 @@ COLOURS: dict[int, int] = {
     tifffile.PHOTOMETRIC.MINISWHITE: 1,
     tifffile.PHOTOMETRIC.RGB: 3,
 }
-"""The colour spaces that are read, and their channels without alpha."""
+"""The colour spaces that are read, with their number of channels without alpha."""
 BITS: dict[int, tuple[int, ...]] = {
     tifffile.SAMPLEFORMAT.UINT: (8, 16),
     tifffile.SAMPLEFORMAT.IEEEFP: (16, 32, 64),
 }
-"""The kinds of samples that are read, and their bits."""
+"""The kinds of samples that are read, with their numbers of bits."""
 COMPRESSIONS: tuple[int, ...] = (
     tifffile.COMPRESSION.NONE,
     tifffile.COMPRESSION.LZW,
@@ -43,9 +43,9 @@ COMPRESSIONS: tuple[int, ...] = (
 
 
 def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
-    """Pixels as stored (black is 0), and the orientation, 1 to 8.
+    """Returns the pixels as stored (black is 0), and the orientation, 1 to 8.
 
-    Raises `UnsupportedType` for other kinds of TIFF, `Unreadable` where strips or tiles are missing, `TooLarge` where
+    Raises `UnsupportedType` for other kinds of TIFF, `Unreadable` if strips or tiles are missing, and `TooLarge` if
     tiles are much larger than the picture.
     """
     with tifffile.TiffFile(io.BytesIO(data)) as file:
@@ -57,20 +57,20 @@ def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tu
 
 
 def is_rounded(data: bytes) -> bool:
-    """Whether the samples of the first page are floating-point numbers."""
+    """Checks whether the samples of the first page are floating-point numbers."""
     with tifffile.TiffFile(io.BytesIO(data)) as file:
         return file.pages.first.sampleformat == tifffile.SAMPLEFORMAT.IEEEFP
 
 
 def find_profile(data: bytes) -> bytes | None:
-    """The colour profile of the first page; None where there is none."""
+    """Returns the colour profile of the first page, or None if there is none."""
     with tifffile.TiffFile(io.BytesIO(data)) as file:
         profile: bytes | None = file.pages.first.tags.valueof(PROFILE)
         return profile
 
 
 def check_page(page: tifffile.TiffPage, file_bytes: int, name: str, check_size: Callable[[int, int], None]) -> None:
-    """Checks that a page is of a kind that is read, is not too large, and lies in the file. Raises as `decode`."""
+    """Checks that a page is of a kind that is read, isn't too large and lies in the file. Raises as `decode` does."""
     sides = (page.imagelength, page.imagewidth, page.tilelength, page.tilewidth, page.rowsperstrip)
     if not all(isinstance(side, int) for side in sides):
         raise Unreadable(f"{name}: the TIFF's size is not given as single numbers; save the picture again")
@@ -80,8 +80,8 @@ def check_page(page: tifffile.TiffPage, file_bytes: int, name: str, check_size: 
 
 
 def read_page(page: tifffile.TiffPage, what: str) -> Pixels:
-    """Pixels of a page that was checked, `(H, W)` or `(H, W, C)`; black is 0. Raises `Unreadable`, which starts with
-    `what`, for floating-point samples that are not from 0 to 1.
+    """Reads the pixels of a page that was checked, `(H, W)` or `(H, W, C)`; black is 0. Raises `Unreadable`, with a
+    message that starts with `what`, for floating-point samples that are not from 0 to 1.
     """
     stored = page.asarray(maxworkers=1)
     pixels: Pixels = round_samples(stored, what) if stored.dtype.kind == "f" else stored
@@ -93,7 +93,7 @@ def read_page(page: tifffile.TiffPage, what: str) -> Pixels:
 
 
 def _invert_grey(pixels: Pixels, samples: int) -> Pixels:
-    """Turns grey of which 0 is white into grey of which 0 is black; alpha stays."""
+    """Turns grey in which 0 is white into grey in which 0 is black. Alpha stays as it is."""
     return np.invert(pixels) if samples == 1 else np.stack([np.invert(pixels[..., 0]), pixels[..., 1]], axis=-1)
 
 
@@ -120,7 +120,7 @@ def _check_kind(page: tifffile.TiffPage, name: str) -> None:
 
 
 def _check_segments(page: tifffile.TiffPage, file_bytes: int, name: str) -> None:
-    """Checks that tiles are small and that all lie in the file: tifffile fills missing ones with zeros."""
+    """Checks that tiles are small and that all of them lie in the file: tifffile fills missing ones with zeros."""
     whole = len(page.dataoffsets) == len(page.databytecounts) == int(np.prod(page.chunked)) and all(
         size > 0 and offset + size <= file_bytes
         for offset, size in zip(page.dataoffsets, page.databytecounts, strict=True)
@@ -135,5 +135,5 @@ def _check_segments(page: tifffile.TiffPage, file_bytes: int, name: str) -> None
 
 
 def _label(value: object) -> str:
-    """The value in one short line: a corrupt tag may hold thousands of numbers, or any characters."""
+    """Shows the value in one short line: a corrupt tag may hold thousands of numbers, or any characters."""
     return clean_text(str(getattr(value, "name", value)))

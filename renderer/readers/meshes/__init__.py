@@ -1,4 +1,4 @@
-"""Reads mesh files of every format, and the files that they refer to, as scenes."""
+"""Reads mesh files of every format, with the files that they refer to, as scenes."""
 
 from __future__ import annotations
 
@@ -31,25 +31,25 @@ def read(
     pose: MeshPose = AS_STORED,
     beside: Sequence[str] = (),
 ) -> Scene:
-    """The mesh in the file `key`, checked, and lit as it will be placed. Its textures are looked up in the bundle by
-    name.
+    """Reads the mesh in the file `key`, checks it, and lights it for its placement. Its textures are looked up in the
+    bundle by name.
 
-    The scene's notes list what was left out or replaced, such as a missing texture or triangles without area, and which
-    of the pictures `beside` it doesn't use.
+    The scene's notes list what was left out or replaced, such as a missing texture or triangles without area, and the
+    pictures in `beside` that the mesh doesn't use.
 
-    Raises `InvalidOption` for a `pose` that the file doesn't have; `Unreadable` (also for whatever a parser raises),
-    `UnsupportedType`, `TooLarge` (also where memory runs out) or `InvalidGeometry`.
+    Raises `InvalidOption` if the file doesn't have the given `pose`. Raises `Unreadable` (also for any other error of a
+    parser), `UnsupportedType`, `TooLarge` (also if memory runs out) or `InvalidGeometry` if the mesh can't be read.
     """
     name = clean_text(bundle.name)
     if pose != AS_STORED and not format_.is_posed:
         raise InvalidOption(
-            f"time, animation, camera: only those of glTF files are read, and {name} is {format_.name}; leave them out"
+            f"time, animation, camera: these apply only to glTF files, and {name} is {format_.name}; leave them out"
         )
     data = bundle.files[key]
     resolver = Resolver(bundle.files, key, bundle.limits.pixels)
     reader, lens = format_.load_reader(), None
     try:
-        with np.errstate(all="ignore"):  # hostile numbers overflow on the way; what comes of them is checked below
+        with np.errstate(all="ignore"):  # hostile numbers may overflow here; the results are checked below
             if format_.is_posed:
                 surfaces, lens = reader(data, name=name, resolver=resolver, limits=bundle.limits, pose=pose)
             else:
@@ -63,7 +63,7 @@ def read(
         raise Unreadable(f"{name}: holds no {format_.name} data that can be read ({why}); export it again") from error
     if unused := [other for other in beside if other not in resolver.used]:
         more = f" and {len(unused) - 1} more" if unused[1:] else ""
-        resolver.add_note(f"{clean_text(unused[0])}{more} left out: the mesh {clean_text(key)} names no such file")
+        resolver.add_note(f"{clean_text(unused[0])}{more} left out: not used by the mesh {clean_text(key)}")
     try:
         scene = assemble_scene(
             surfaces,

@@ -1,7 +1,7 @@
-"""COLLADA 1.4 (.dae), parsed by pycollada, which trimesh reads it with.
+"""Reads COLLADA 1.4 (.dae), parsed by pycollada, which trimesh also uses.
 
-trimesh 5.2's own step from there is not used: it expands instances of nodes without a limit, opens textures of any kind
-and size with Pillow, and ignores the axis that points up.
+trimesh 5.2's own code for COLLADA is not used: it expands instances of nodes without a limit, opens textures of any
+kind and size with Pillow, and ignores the axis that points up.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
 
 def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
-    """The triangles and polygons of a COLLADA file's scene in world coordinates with y up, primitive by primitive.
+    """Reads the triangles and polygons of a COLLADA file's scene, one primitive at a time, in y-up world coordinates.
 
-    Raises `Unreadable` where it is malformed, `TooLarge` over `limits` or `MAX_NODES`.
+    Raises `Unreadable` if the file is malformed, and `TooLarge` over `limits` or `MAX_NODES`.
     """
     import collada
     from collada.common import DaeError
@@ -39,7 +39,7 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
     check_xml(data, name)
     document = collada.Collada(io.BytesIO(data), ignore=[DaeError])
     if document.errors:
-        resolver.add_note(f"{len(document.errors):,} parts of the file are malformed or not supported and left out")
+        resolver.add_note(f"{len(document.errors):,} parts of the file are malformed or not supported and are left out")
     if document.scene is None:
         raise Unreadable(f"{name}: a COLLADA file without a scene; export it again")
     upright = UPRIGHT.get(document.assetInfo.upaxis, np.eye(4))
@@ -54,7 +54,7 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
 def _instances(
     nodes: list[Any], matrix: NDArray[np.float64], name: str, resolver: Resolver
 ) -> Iterator[tuple[Any, dict[str, Any], NDArray[np.float64]]]:
-    """Each geometry of the scene with its materials by symbol, and its world matrix."""
+    """Yields each geometry of the scene with its materials by symbol and its world matrix."""
     from collada.scene import ControllerNode, GeometryNode, Node
 
     waiting = [(node, matrix) for node in reversed(nodes)]
@@ -63,8 +63,8 @@ def _instances(
         node, matrix = waiting.pop()
         count += 1
         if count > MAX_NODES:
-            raise TooLarge(f"{name}: over {MAX_NODES:,} nodes, which is the most that is read; join them")
-        if isinstance(node, Node):  # an instance of a node is one
+            raise TooLarge(f"{name}: over {MAX_NODES:,} nodes, which is the limit; join them")
+        if isinstance(node, Node):  # an instance of a node is a Node, too
             matrix = matrix @ node.matrix
             waiting += [(child, matrix) for child in reversed(node.children)]
         elif isinstance(node, (GeometryNode, ControllerNode)):
@@ -76,7 +76,7 @@ def _instances(
 
 
 def _surface(primitive: Any, materials: dict[str, Any], name: str, resolver: Resolver) -> Surface | None:
-    """A primitive as triangles, each with three vertices of its own; None for lines and empty primitives."""
+    """Converts a primitive to triangles, each with its own three vertices; returns None if it is lines or empty."""
     from collada.polylist import Polylist
     from collada.triangleset import TriangleSet
 
@@ -115,7 +115,7 @@ def _surface(primitive: Any, materials: dict[str, Any], name: str, resolver: Res
 
 
 def _triangulate(polygons: Any, resolver: Resolver) -> Any:
-    """A primitive of triangles: pycollada's own are fans about the polygons' first corners."""
+    """Converts polygons to a primitive of triangles: pycollada itself makes fans about the polygons' first corners."""
     from collada.triangleset import TriangleSet
 
     if polygons.vertex is None or not len(polygons.index):
@@ -126,7 +126,7 @@ def _triangulate(polygons: Any, resolver: Resolver) -> Any:
 
 
 def _read_diffuse(effect: Any) -> tuple[Color, str | None]:
-    """The colour, display-referred, and the name of the picture of an effect's diffuse light."""
+    """Reads the display-referred colour of an effect's diffuse light, and the name of its picture."""
     from collada.material import Map
 
     diffuse = getattr(effect, "diffuse", None)
@@ -139,14 +139,14 @@ def _read_diffuse(effect: Any) -> tuple[Color, str | None]:
 
 
 def _read_alpha(effect: Any, resolver: Resolver) -> float:
-    """The opacity of an effect (COLLADA 1.4.1, "Determining Transparency"); 0 counts as 1: exporters disagree on
-    which is which.
+    """Reads the opacity of an effect (COLLADA 1.4.1, "Determining Transparency"). 0 counts as 1, because exporters
+    disagree on which is which.
     """
     from collada.material import OPAQUE_MODE, Map
 
     transparent, transparency = effect.transparent, effect.transparency
     if isinstance(transparent, Map) or isinstance(transparency, Map):
-        resolver.add_note("a map of opacity is left out: the material is drawn solid")
+        resolver.add_note("an opacity map is left out: the material is drawn opaque")
         return 1.0
     red, green, blue, alpha = (*map(float, transparent or ()), 1.0, 1.0, 1.0, 1.0)[:4]
     if effect.opaque_mode == OPAQUE_MODE.RGB_ZERO:
@@ -157,7 +157,7 @@ def _read_alpha(effect: Any, resolver: Resolver) -> float:
 
 
 def _vertex_colors(primitive: Any) -> NDArray[np.float32] | None:
-    """RGBA `(n, 4)` in [0, 1] of each corner; None where the primitive has no colours."""
+    """Returns the RGBA `(n, 4)` of each corner, in [0, 1], or None if the primitive has no colours."""
     sources = primitive.sources.get("COLOR")
     if not sources:
         return None

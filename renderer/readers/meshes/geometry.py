@@ -1,4 +1,4 @@
-"""Conversions that mesh formats share: text to numbers, colours, placement."""
+"""Conversions that several mesh formats use: text to numbers, colours, placement."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ if TYPE_CHECKING:
     from ciir.renderer.surface import Surface
 
 MAX_NODES = 20_000
-"""Most nodes in the scene of a mesh file, each counted as often as it is instanced."""
+"""The most nodes in the scene of a mesh file. A node counts once for each of its instances."""
 UPRIGHT = {
     "X_UP": np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
     "Z_UP": np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]]),
 }
-"""Matrices that turn a scene to y up, by the axis that points up in it, as COLLADA names it."""
+"""Matrices that turn a scene to y up. The keys are COLLADA's names for the axis that points up in the file."""
 
 
 def parse_numbers(tokens: Iterable[bytes]) -> NDArray[np.float64]:
-    """Parses numbers, `(n,)`, one by one: an array of bytes would make every cell as wide as the longest token.
+    """Parses numbers `(n,)` one by one: in an array of bytes every cell would be as wide as the longest token.
 
-    Raises `ValueError` where a token is not a number.
+    Raises `ValueError` if a token is not a number.
     """
     return np.fromiter(map(float, tokens), np.float64)
 
 
 def normalise(values: NDArray[Any]) -> NDArray[Any]:
-    """Scales integers to [0, 1], signed ones to [-1, 1], as float32 (glTF 2.0, section 3.6.2.2); floats are kept."""
+    """Scales integers to [0, 1], signed ones to [-1, 1], as float32 (glTF 2.0, section 3.6.2.2). Keeps floats."""
     if values.dtype.kind == "f":
         return values
     scaled: NDArray[Any] = np.maximum(values.astype(np.float32) / np.iinfo(values.dtype).max, np.float32(-1.0))
@@ -44,7 +44,7 @@ def normalise(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def add_alpha(colors: NDArray[Any]) -> NDArray[np.float32]:
-    """Colours `(n, 3)` as opaque RGBA `(n, 4)`."""
+    """Returns colours `(n, 3)` as opaque RGBA `(n, 4)`."""
     rgba = np.ones((len(colors), 4), np.float32)
     rgba[:, :3] = colors
     return rgba
@@ -53,17 +53,18 @@ def add_alpha(colors: NDArray[Any]) -> NDArray[np.float32]:
 def place_surfaces(
     placed: Iterable[tuple[Surface | None, NDArray[np.float64]]], *, name: str, max_triangles: int, max_parts: int
 ) -> list[Surface]:
-    """Each surface where its matrices `(4, 4)` or `(k, 4, 4)` put it: one that comes several times is copied later.
+    """Places each surface by its matrices, `(4, 4)` or `(k, 4, 4)`. A surface that occurs several times is returned
+    once with the matrices of its copies, which are made later.
 
-    None stands for a part that has no surface. Raises `TooLarge` once they have more than `max_triangles` without
-    copies, and for more than `max_parts`, copies and empty ones included.
+    None stands for a part that has no surface. Raises `TooLarge` if the surfaces without their copies have more than
+    `max_triangles` triangles, or if there are more than `max_parts` parts, including copies and empty parts.
     """
     groups: dict[int, tuple[Surface, list[NDArray[np.float64]]]] = {}
     triangles = vertices = parts = 0
     for surface, matrix in placed:
         parts += len(matrix) if matrix.ndim == 3 else 1
         if parts > max_parts:
-            raise TooLarge(f"{name}: over {max_parts:,} parts in all instances, the most that is read; join them")
+            raise TooLarge(f"{name}: over {max_parts:,} parts in all instances, which is the limit; join them")
         if surface is None:
             continue
         if id(surface) not in groups:
@@ -79,7 +80,7 @@ def _place(surface: Surface, matrices: NDArray[np.float64]) -> Surface:
 
 
 def split_corners(surface: Surface) -> Surface:
-    """The surface with three vertices of its own for each triangle."""
+    """Returns the surface with three vertices of its own for each triangle."""
     index = surface.faces.ravel()
     if len(index) and not 0 <= index.min() <= index.max() < len(surface.vertices):
         raise IndexError("a face names a vertex that is not there")

@@ -1,4 +1,4 @@
-"""Reads MTL, the materials of a Wavefront OBJ."""
+"""Reads MTL files, which hold the materials of a Wavefront OBJ."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ciir.renderer.scene import Texture, Wrap
 
 CONTINUED = re.compile(rb"\\\r?\n")
-"""A line break within a line."""
+"""A backslash and line break, which continue a line."""
 _OPTIONS = {b"-blendu": 1, b"-blendv": 1, b"-boost": 1, b"-mm": 2, b"-o": 3, b"-s": 3, b"-t": 3, b"-texres": 1,
             b"-clamp": 1, b"-bm": 1, b"-imfchan": 1, b"-type": 1, b"-cc": 1}  # fmt: skip
 _NUMBER = re.compile(rb"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
@@ -29,14 +29,14 @@ class Material:
     texture: Texture | None = None
     alpha_cutoff: float | None = None
     scale: tuple[float, float] = (1.0, 1.0)
-    """Of texture coordinates, before `offset` is added: as Blender and three.js read `-s` and `-o`."""
+    """The factor of the texture coordinates. It is applied before `offset` is added, as Blender and three.js do."""
     offset: tuple[float, float] = (0.0, 0.0)
     lit: bool = True
 
 
 @dataclass(frozen=True)
 class _Map:
-    """The line of a texture."""
+    """A line that names a texture."""
 
     name: str
     wrap: Wrap = "repeat"
@@ -47,7 +47,7 @@ class _Map:
 
 
 def parse_entries(data: bytes) -> dict[bytes, dict[bytes, bytes]]:
-    """Parses an MTL file: for each material its keywords, in lower case, and the rest of their lines."""
+    """Parses an MTL file. Returns each material's keywords, in lower case, with the rest of their lines."""
     entries: dict[bytes, dict[bytes, bytes]] = {}
     entry: dict[bytes, bytes] = {}
     for line in CONTINUED.sub(b" ", data.removeprefix(b"\xef\xbb\xbf")).splitlines():
@@ -60,9 +60,9 @@ def parse_entries(data: bytes) -> dict[bytes, dict[bytes, bytes]]:
 
 
 def read_material(entry: dict[bytes, bytes], resolver: Resolver, name: str) -> Material:
-    """Reads a material from its lines; `resolver` gets a note of what is left out, in which the material has its name.
+    """Reads a material from its lines. `resolver` gets notes on what is left out, with `name` as the material's name.
 
-    One that is black but for the light that it emits has the colour and the texture of that.
+    A material that is black except for the light that it emits gets the colour and the texture of that light.
     """
     diffuse, emitted = _read_color(entry.get(b"kd")), _read_color(entry.get(b"ke"))
     if diffuse is None and b"kd" in entry:
@@ -81,14 +81,14 @@ def read_material(entry: dict[bytes, bytes], resolver: Resolver, name: str) -> M
     placed = placed or mask or _Map("")
     color = diffuse or ((1.0, 1.0, 1.0) if texture else DEFAULT_COLOR[:3])
     if texture is not None and not any(color):
-        resolver.add_note("a textured material has a black Kd, as some exporters write it: taken as white")
+        resolver.add_note("a textured material has a black Kd, as some exporters write it; white is used instead")
         color = (1.0, 1.0, 1.0)
     cutoff = _CUTOFF if is_cut else None
     return Material((*color, _read_alpha(entry)), texture, cutoff, placed.scale, placed.offset, lit)
 
 
 def _load_texture(placed: _Map | None, mask: _Map | None, resolver: Resolver) -> tuple[Texture | None, bool]:
-    """The texture, and whether `mask` cuts it out."""
+    """Loads the texture. Also returns whether `mask` cuts it out."""
     if mask is not None and placed is not None and mask.name == placed.name:
         texture = resolver.load_texture(placed.name, opaque=False, wrap_u=placed.wrap, wrap_v=placed.wrap)
         return texture, texture is not None
@@ -104,7 +104,8 @@ def _load_texture(placed: _Map | None, mask: _Map | None, resolver: Resolver) ->
 
 
 def _read_color(line: bytes | None) -> tuple[float, float, float] | None:
-    """Red, green and blue, or one number for all, in [0, 1]; None for what is no colour, such as a spectral curve."""
+    """Reads red, green and blue, or one number for all three, in [0, 1]. Returns None if the line holds no colour, such
+    as a spectral curve."""
     words = [] if line is None else line.split()
     try:
         red, green, blue = (min(max(float(word), 0.0), 1.0) for word in (words * 3 if len(words) == 1 else words)[:3])
@@ -120,7 +121,8 @@ def _note_unread(line: str, material: str, resolver: Resolver) -> None:
 
 
 def _read_alpha(entry: dict[bytes, bytes]) -> float:
-    """The alpha of `d`, else of `Tr`, which is 1 - alpha. 0 counts as opaque: exporters disagree on which is which."""
+    """Returns the alpha from `d`, or else from `Tr`, which is 1 - alpha. 0 counts as opaque, because exporters disagree
+    on which is which."""
     for keyword in (b"d", b"tr"):
         numbers = [float(word) for word in entry.get(keyword, b"").split() if _is_number(word)]  # after `-halo`
         if numbers and 0.0 < numbers[0] < 1.0:
@@ -129,7 +131,7 @@ def _read_alpha(entry: dict[bytes, bytes]) -> float:
 
 
 def _parse_map(line: bytes | None) -> _Map | None:
-    """A map's options, and the file name after them, which may hold spaces."""
+    """Parses a map's options and the file name after them, which may contain spaces."""
     if line is None:
         return None
     wrap: Wrap = "repeat"
@@ -153,12 +155,12 @@ def _parse_map(line: bytes | None) -> _Map | None:
 
 
 def _is_number(word: bytes, comma: bytes = b".") -> bool:
-    """Whether it is a number, also with `comma` in place of the point."""
+    """Checks whether `word` is a number. `comma` is accepted as the decimal point."""
     return _NUMBER.fullmatch(word.replace(comma, b".")) is not None
 
 
 def decode_name(name: bytes) -> str:
-    """Decodes a name as UTF-8, or else as Latin-1; without the quotes around it that some exporters write."""
+    """Decodes a name as UTF-8, or else as Latin-1, and removes the quotes that some exporters put around it."""
     if len(name) > 2 and name[:1] == name[-1:] == b'"':
         name = name[1:-1]
     try:

@@ -1,7 +1,7 @@
 """Reads Wavefront OBJ as surfaces, one for each texture; `renderer.readers.meshes.mtl` reads its materials.
 
-Not by trimesh 5.2, which without an error counts negative indices from the end of the file, not from their own line,
-and ignores a missing MTL, material or texture; and opens textures of any format and size.
+trimesh 5.2 is not used. Without an error it counts negative indices from the end of the file instead of their own line,
+and ignores a missing MTL, material or texture. It also opens textures of any format and size.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ _NAMES = (b"usemtl", b"mtllib")
 _LEFT_OUT = {b"l": "lines", b"p": "points", b"curv": "curves", b"surf": "free-form surfaces"}
 _COMMENT = re.compile(rb"(?mi)^([ \t\r\v\f]*(?:v|vt|vn|f)[ \t\r\v\f][^#\n]*)#[^\n]*")
 _MANY = re.compile(r"(?<=\.mtl)\s+", re.IGNORECASE)
-"""What parts several MTL files on a line; spaces elsewhere are within a name."""
+"""The separator between several MTL files on a line. Spaces elsewhere are part of a name."""
 BRIGHTEST = 2.0
-"""Largest vertex colour where 1 is white: scanners overshoot it, and levels of 8 bits go far beyond."""
+"""The largest vertex colour if 1 is white: scanners overshoot 1, and 8-bit levels go far beyond."""
 MAX_LIBRARIES = 100
-"""Most MTL files that an OBJ may name."""
+"""The most MTL files that an OBJ may name."""
 MAX_MATERIALS = 65_536
-"""Most materials that an OBJ may use."""
+"""The most materials that an OBJ may use."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,17 +56,17 @@ class _Lines:
     rows: dict[bytes, Rows]
 
     def count_before(self, word: bytes, lines: NDArray[np.int64]) -> NDArray[np.intp]:
-        """How many lines of `word` come before each of `lines`."""
+        """Counts the lines of `word` that come before each of `lines`."""
         return np.searchsorted(self.rows[word].numbers, lines)
 
     def list_names(self, word: bytes) -> list[bytes]:
-        """What follows `word` in each of its lines."""
+        """Returns the text after `word` in each of its lines."""
         rows = self.rows[word]
         lines = rows.join(self.text).split(b"\n")[: len(rows)]
         return [b"".join(line.replace(b"\t", b" ").split(None, 1)[1:]).rstrip() for line in lines]
 
     def array(self, word: bytes, least: int, most: int) -> NDArray[np.float64]:
-        """The numbers after `word` as `(lines, least to most)`, with the columns that all of the lines have."""
+        """Parses the numbers after `word` as `(lines, least to most)`, with the columns that all of its lines have."""
         rows = self.rows[word]
         if not len(rows):
             return np.empty((0, least))
@@ -79,10 +79,10 @@ class _Lines:
 
 
 def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
-    """The polygons of an OBJ as triangles, grouped by texture; lines, points and curves are left out.
+    """Reads the polygons of an OBJ as triangles, grouped by texture. Lines, points and curves are left out.
 
     Colours are taken as display-referred: Kd, and the vertex colours that some scanners write after the position.
-    Raises `TooLarge` over `limits`; `Unreadable` or an error of Python's where the text is malformed.
+    Raises `TooLarge` over `limits`, and `Unreadable` or a built-in Python error if the text is malformed.
     """
     lines = _sort_lines(data, name, limits.triangles)
     try:
@@ -118,8 +118,8 @@ def _sort_lines(data: bytes, name: str, max_triangles: int) -> _Lines:
         most = max_triangles if word == b"f" else 3 * max_triangles
         if len(rows[word]) > most:
             raise TooLarge(
-                f"{name}: over {most:,} lines of {word.decode()}, more than the {max_triangles:,} triangles that are "
-                "read at most can use; decimate the mesh",
+                f"{name}: over {most:,} lines of {word.decode()}, more than the {max_triangles:,} triangles that may "
+                "be read can use; decimate the mesh",
                 "triangles",
             )
     return _Lines(text, rows)
@@ -128,8 +128,8 @@ def _sort_lines(data: bytes, name: str, max_triangles: int) -> _Lines:
 def _triangles(
     lines: _Lines, positions: NDArray[np.float64], name: str, resolver: Resolver, max_triangles: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """`(m, 3 corners, 3)` indices of position, texture coordinate and normal from 0, -1 where there is none; and the
-    line number `(m,)` of each triangle, in the order of the file.
+    """Returns the triangles as indices `(m, 3 corners, 3)` of position, texture coordinate and normal, from 0, or -1 if
+    there is none. Also returns the line number `(m,)` of each triangle. Both are in the order of the file.
     """
     faces = lines.rows[b"f"]
     line_of, joined = faces.numbers, faces.join(lines.text)
@@ -140,14 +140,14 @@ def _triangles(
     is_slash[-1:] = False
     gaps = count_in_rows(is_slash, faces) > 0
     written = count_in_rows(find_words(data, b"/"), faces) - 1
-    lengths = np.where(faces.widths < 3, 0, faces.widths)  # fewer are no surface
+    lengths = np.where(faces.widths < 3, 0, faces.widths)  # with fewer corners there is no surface
     each = np.where(slashes == 0, 1, np.where((slashes == lengths) | gaps, 2, 3))  # numbers in a corner
     odd = (slashes != 0) & (slashes != lengths) & (slashes != 2 * lengths) | (written != each * lengths)
     odd &= lengths > 0
     if odd.any():
         raise Unreadable(f"line {line_of[odd.argmax()] + 1}: a face whose corners are written in different ways")
     check_size(name, int(np.maximum(lengths - 2, 0).sum()), len(lines.rows[b"v"]), max_triangles)
-    raw = np.zeros((int(lengths.sum()), 3), np.int64)  # as written: from 1, negative from the end, 0 for none
+    raw = np.zeros((int(lengths.sum()), 3), np.int64)  # as written: from 1, or negative from the end, or 0 for none
     for per_corner, gap in sorted(set(zip(each.tolist(), gaps.tolist(), strict=True))):
         alike = (lengths > 0) & (each == per_corner) & (gaps == gap)
         members = faces.select(alike)
@@ -174,7 +174,7 @@ def _triangles(
 def _materials(
     lines: _Lines, face_lines: NDArray[np.int64], name: str, resolver: Resolver
 ) -> tuple[list[mtl.Material], NDArray[np.intp]]:
-    """The distinct materials of the triangles, and the number of each triangle's material."""
+    """Returns the distinct materials of the triangles, and the index of each triangle's material."""
     entries: dict[bytes, dict[bytes, bytes]] = {}
     names = [b"", *lines.list_names(b"usemtl")]
     for data in _find_libraries(lines.list_names(b"mtllib"), set(names), name, resolver):
@@ -199,9 +199,10 @@ def _materials(
 
 
 def _find_libraries(given: list[bytes], used: set[bytes], name: str, resolver: Resolver) -> Iterable[bytes]:
-    """The files of the lines `mtllib`; where there are none, the only MTL file of all, if it has a material in `used`.
+    """Returns the files that the `mtllib` lines name. If none is found, returns the only MTL file there is, provided
+    that it has a material in `used`.
 
-    They come in the order of their last names: several names may be of one file.
+    The files are in the order of their names. If several names refer to one file, the last of them counts.
     """
     names: dict[str, None] = {}
     for line in dict.fromkeys(map(mtl.decode_name, given)):
@@ -215,7 +216,7 @@ def _find_libraries(given: list[bytes], used: set[bytes], name: str, resolver: R
             files.pop(data, None)
             files[data] = None
     if not files and (only := resolver.find_only(".mtl")) is not None and used & mtl.parse_entries(only[1]).keys():
-        resolver.add_note(f"no material file that the mesh names is there: {clean_text(only[0])} is used, the only one")
+        resolver.add_note(f"the mesh's material files are missing: {clean_text(only[0])}, the only one found, is used")
         return [only[1]]
     for library in names:
         resolver.find_or_note(library, "material file")
@@ -233,7 +234,7 @@ def _group_triangles(
     group_of = []
     for material, lacks in zip(materials, incomplete, strict=True):
         if material.texture is not None and lacks[1]:
-            resolver.add_note("a texture is left out of a material that has corners without texture coordinates")
+            resolver.add_note("a material's texture is left out: it has corners without texture coordinates")
         key = (
             material.texture,
             material.alpha_cutoff,
@@ -255,7 +256,9 @@ def _surface(
     materials: list[mtl.Material],
     material_of: NDArray[np.intp],
 ) -> Surface:
-    """One vertex for each distinct triple of indices into `arrays` and each material: its colour is the vertex's."""
+    """Makes a surface with one vertex for each distinct triple of indices into `arrays` and each material, which gives
+    the vertex its colour.
+    """
     positions, texture_coordinates, normals = arrays
     triples = corners.reshape(-1, 3)
     material = materials[material_of[0]]
@@ -274,7 +277,7 @@ def _surface(
         key, most = key * count + column, most * count
     _, first, vertex = np.unique(key, return_index=True, return_inverse=True)
     used, made_of = triples[first], made_of[first]
-    measured = positions.shape[1] >= 6  # vertex colours, which replace the grey of what has no material
+    measured = positions.shape[1] >= 6  # vertex colours, which replace the grey of surfaces without a material
     tints = [WHITE if measured and material == mtl.Material() else material.color for material in materials]
     colors = np.array(tints, np.float32)[made_of]
     if measured:

@@ -1,8 +1,8 @@
-"""PLY, ASCII and binary, parsed by trimesh, with corrections for what trimesh 5.2 gets wrong without an error.
+"""Reads ASCII and binary PLY, parsed by trimesh, and corrects what trimesh 5.2 gets wrong without an error.
 
-It casts 16-bit colours modulo 256, takes binary faces of different lengths for one length, and accepts files that
-are cut short. Format: Turk, "The PLY Polygon File Format", 1994. A line `comment unlit` in the header is ours
-(`renderer.focus.model.files`): the colours hold the light of what was captured.
+trimesh casts 16-bit colours modulo 256, reads binary faces of different lengths as if they had the same length, and
+accepts files that are cut short. The format is described in Turk, "The PLY Polygon File Format", 1994. A header line
+`comment unlit` is our own (`renderer.focus.model.files`): the colours already contain the light of the captured scene.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ if TYPE_CHECKING:
     from ciir.renderer.scene import Texture
 
 UNLIT = "comment unlit"
-"""The line of a header that says that colours are not to be lit."""
+"""The header line of files whose colours must not be lit."""
 _FORMATS = ("ascii", "binary_little_endian", "binary_big_endian")
 
 
 def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
-    """The faces of a PLY as one surface, or one for each of several textures, with normals, and colours
-    (display-referred) or a texture.
+    """Reads the faces of a PLY as one surface, or as one for each of several textures, with normals and with
+    display-referred colours or a texture.
 
-    Raises `Unreadable` where it is cut short or malformed, `UnsupportedType` for triangle strips, `TooLarge` over
+    Raises `Unreadable` if the file is cut short or malformed, `UnsupportedType` for triangle strips, or `TooLarge` over
     `limits`.
     """
-    # The parsers behind load_ply: that one reads textures, colours and edges as well.
+    # These are the parsers that load_ply uses; load_ply itself also reads textures, colours and edges.
     from trimesh.exchange.ply import _parse_header
 
     file = io.BytesIO(_with_plain_header(data, name))
@@ -83,14 +83,14 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
 def _load_textures(
     pictures: list[str], face: dict[str, Any], face_of: NDArray[np.int64], resolver: Resolver
 ) -> tuple[list[Texture | None], NDArray[np.int64]]:
-    """The textures, each once, None for faces without one; and the number in that list for each triangle."""
+    """Loads the textures, each once; None is for faces without one. Also returns each triangle's index in that list."""
     number = np.zeros(len(face_of), np.int64)
     if len(pictures) > 1:
         if "texnumber" in face["properties"]:
             number = _stack(face, "texnumber")[face_of, 0].astype(np.int64)
         else:
             resolver.add_note(
-                f"{clean_text(pictures[0])} is on all faces, as none names one of {len(pictures)} textures"
+                f"{clean_text(pictures[0])} is used for all faces, as none names one of {len(pictures)} textures"
             )
     textures: dict[Texture | None, int] = {}
     numbers, index = np.unique(number, return_inverse=True)
@@ -100,12 +100,12 @@ def _load_textures(
         texture = resolver.load_texture(pictures[each], opaque=True) if is_one else None
         places.append(textures.setdefault(texture, len(textures)))
         if each > 0 and not is_one:
-            resolver.add_note("faces of textures that the header doesn't name are drawn without one")
+            resolver.add_note("faces whose texture the header doesn't name are drawn without one")
     return list(textures), np.array(places, np.int64)[index]
 
 
 def _take(surface: Surface, chosen: NDArray[np.intp]) -> Surface:
-    """The surface of the faces that are `chosen`."""
+    """Returns the surface of the faces that are `chosen`."""
     index, local = np.unique(surface.faces[chosen], return_inverse=True)
     if index[0] < 0:
         raise IndexError("a face names a vertex that is not there")
@@ -120,7 +120,7 @@ def _take(surface: Surface, chosen: NDArray[np.intp]) -> Surface:
 
 
 def _with_plain_header(data: bytes, name: str) -> bytes:
-    """The PLY with its format in the second line, where trimesh expects it, and line feeds in the header."""
+    """Returns the PLY with its format in line 2, where trimesh expects it, and with line feeds in the header."""
     head, end, body = data.partition(b"end_header")
     if not end:
         raise Unreadable(f"{name}: a PLY whose header does not end; give it again")
@@ -145,7 +145,7 @@ def _check_count(name: str, kind: str, count: int, max_triangles: int) -> None:
 
 
 def _parse_ascii(elements: dict[str, Any], file: io.BytesIO, name: str) -> None:
-    """Fills in the columns of `elements`, and checks that each row has the numbers that header and lists ask for."""
+    """Fills in the columns of `elements`, and checks that each row has the numbers that header and lists require."""
     from trimesh.exchange.ply import _ply_ascii
 
     lines = file.getvalue()[file.tell() :].decode().splitlines()
@@ -168,17 +168,17 @@ def _parse_ascii(elements: dict[str, Any], file: io.BytesIO, name: str) -> None:
 
 
 def _parse_binary(elements: dict[str, Any], file: io.BytesIO, name: str) -> None:
-    """Fills in the columns of `elements`: by trimesh where a property's lists are of one length, else row by row."""
+    """Fills in the columns of `elements`: by trimesh if each property's lists have one length, else row by row."""
     from trimesh.exchange.ply import _ply_binary
 
-    described = deepcopy(elements)  # trimesh replaces lengths of lists, and removes what the file ends before
+    described = deepcopy(elements)  # trimesh replaces lengths of lists, and removes elements beyond the end of the file
     start = file.tell()
     try:
         _ply_binary(elements, file)
         columns = [elements[kind]["data"][key] for kind, element in described.items() for key in element["properties"]]
         if all((column["f0"] == column["f0"][0]).all() for column in columns if column.dtype.names and len(column)):
             return
-    except (KeyError, TypeError, ValueError):  # the file is not of the length that its first rows stand for
+    except (KeyError, TypeError, ValueError):  # the file doesn't have the length that its first rows imply
         pass
     body = file.getvalue()
     for element in described.values():
@@ -189,7 +189,7 @@ def _parse_binary(elements: dict[str, Any], file: io.BytesIO, name: str) -> None
 def _parse_rows(
     body: bytes, start: int, types: dict[str, str], count: int, name: str
 ) -> tuple[dict[str, Any] | NDArray[Any], int]:
-    """`count` rows of a binary PLY from `start` on, and where they end."""
+    """Parses `count` rows of a binary PLY from `start` on. Also returns where they end."""
     parts = {key: [np.dtype(part) for part in kind.split(", ($LIST,)")] for key, kind in types.items()}
     if all(len(part) == 1 for part in parts.values()):
         row = np.dtype([(key, part[0]) for key, part in parts.items()])
@@ -211,7 +211,7 @@ def _parse_rows(
 
 
 def _column(element: dict[str, Any], key: str) -> Any:
-    """`(rows, values)` of a property, or one array for each row where lists differ in length."""
+    """Returns a property as `(rows, values)`, or as one array for each row if its lists differ in length."""
     column = element["data"][key]
     if isinstance(column, list) or column.dtype == object:
         return column
@@ -219,12 +219,12 @@ def _column(element: dict[str, Any], key: str) -> Any:
 
 
 def _stack(element: dict[str, Any], *keys: str) -> NDArray[Any]:
-    """`(rows, keys)`: properties that are no lists."""
+    """Stacks properties that are not lists into an array `(rows, keys)`."""
     return np.concatenate([np.asarray(_column(element, key)) for key in keys], axis=1)
 
 
 def _flatten(column: Any) -> tuple[NDArray[np.int64], NDArray[Any]]:
-    """The length of each list of a column, and all values one after another."""
+    """Returns the length of each list of a column, and all values one after another."""
     if isinstance(column, np.ndarray) and column.dtype != object:
         return np.full(len(column), column.shape[1]), column.ravel()
     return np.fromiter(map(len, column), np.int64, len(column)), np.concatenate(column)
@@ -239,10 +239,10 @@ def _add_coordinates(
     lengths: NDArray[np.int64],
     triangles: NDArray[np.int64],
 ) -> Surface | None:
-    """The surface with the texture coordinates of the corners of its faces, else of its vertices; None, with a note,
-    where there are none.
+    """Returns the surface with the texture coordinates of its faces' corners, or else of its vertices. Returns None and
+    adds a note if there are none.
 
-    `lengths`, `triangles`: as of `polygons.triangulate`.
+    `lengths` and `triangles` are as in `polygons.triangulate`.
     """
     if "texcoord" in face["properties"]:
         counts, uv = _flatten(_column(face, "texcoord"))
@@ -260,7 +260,7 @@ def _add_coordinates(
 
 
 def _add_colors(surface: Surface, vertex: dict[str, Any], face: dict[str, Any], face_of: NDArray[np.int64]) -> Surface:
-    """The surface with the colours of its vertices, else of its faces, if the file has any."""
+    """Returns the surface with the colours of its vertices, or else of its faces, if the file has any."""
     for prefix in ("", "diffuse_"):
         names = (f"{prefix}red", f"{prefix}green", f"{prefix}blue")
         if set(names) <= vertex["properties"].keys():
@@ -272,7 +272,7 @@ def _add_colors(surface: Surface, vertex: dict[str, Any], face: dict[str, Any], 
 
 
 def _read_rgba(element: dict[str, Any], names: tuple[str, ...]) -> NDArray[np.float32]:
-    """`(rows, 4)`: the colours `names`, and `alpha` unless it is 0 throughout."""
+    """Returns the colours `names` as RGBA `(rows, 4)`, with the property `alpha` unless it is 0 everywhere."""
     colors = add_alpha(normalise(_stack(element, *names)))
     if "alpha" in element["properties"]:
         alpha = normalise(_stack(element, "alpha"))[:, 0]

@@ -1,5 +1,5 @@
-"""Polygons as triangles: fans, and where those would reach out of their polygon, ears that are cut off one by one
-(Meisters, "Polygons have ears", 1975)."""
+"""Splits polygons into triangles. Fans are used unless they would extend beyond their polygon; otherwise ears are cut
+off one by one (Meisters, "Polygons have ears", 1975)."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 FLAT = 1e-3
-"""Cosine up to which a triangle that faces against its polygon is taken for a rounded edge-on one."""
+"""The cosine up to which a triangle that faces away from its polygon is taken for an edge-on one that was rounded."""
 MOST_WORK = 30_000_000
-"""Most points that are compared with ears, in all polygons of a file together: some seconds."""
+"""The most points that are compared with ears, in all polygons of a file together. This takes a few seconds."""
 _TEST = 20
-"""Points that take as long to compare as an ear takes without any."""
+"""The number of points whose comparison takes as long as the rest of the work on an ear."""
 Point = tuple[float, float]
 
 
 def triangulate_fans(lengths: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Splits polygons into fans about their first corners: triangles `(m, 3)`, and the polygon `(m,)` of each.
+    """Splits polygons into fans about their first corners. Returns triangles `(m, 3)` and the polygon `(m,)` of each.
 
-    `lengths` `(n,)`: the number of corners of each polygon. A triangle's corners are indices into the list of the
-    corners of all polygons. Polygons of fewer than three corners have no triangle.
+    `lengths` `(n,)` is the number of corners of each polygon. A triangle's corners are indices into the list of the
+    corners of all polygons. Polygons with fewer than three corners have no triangles.
     """
     counts = np.maximum(lengths - 2, 0)
     source = np.repeat(np.arange(len(lengths)), counts)
@@ -40,9 +40,10 @@ def triangulate(
     lengths: NDArray[np.integer],
     add_note: Callable[[str], None],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """As `triangulate_fans`, but that no triangle reaches out of its polygon; `add_note` gets a note where one may.
+    """Splits polygons as `triangulate_fans` does, but so that no triangle extends beyond its polygon. If one may still
+    do so, `add_note` is called with a note.
 
-    `vertices` `(n, 3)`; `corners` `(k,)` index them, polygon after polygon.
+    `corners` `(k,)` are indices into `vertices` `(n, 3)`, polygon after polygon.
     """
     triangles, source = triangulate_fans(lengths)
     starts, normals = _find_hollow(vertices, corners[triangles], source)
@@ -53,7 +54,7 @@ def triangulate(
             kept += 1
             continue
         first = int(triangles[start, 0])
-        axis = int(np.abs(normal).argmax())  # the polygon is seen along it, counterclockwise
+        axis = int(np.abs(normal).argmax())  # the polygon is viewed along this axis, counterclockwise
         across, up = ((axis + 1) % 3, (axis + 2) % 3)[:: 1 if normal[axis] > 0 else -1]
         seen = vertices[corners[first : first + length]]
         ears = _cut_ears(list(zip(seen[:, across].tolist(), seen[:, up].tolist(), strict=True)), work)
@@ -72,15 +73,15 @@ def triangulate(
 def _find_hollow(
     vertices: NDArray[np.floating], triangles: NDArray[np.integer], source: NDArray[np.integer]
 ) -> tuple[NDArray[np.intp], NDArray[np.floating]]:
-    """The polygons whose fan reaches out of them, as one of its triangles faces against the whole: the number of the
-    first triangle `(h,)` and the normal `(h, 3)` of each.
+    """Finds the polygons whose fan extends beyond them: one of its triangles faces the opposite way to the polygon.
+    Returns the number of the first triangle `(h,)` and the normal `(h, 3)` of each such polygon.
 
-    `triangles` `(m, 3)` index `vertices`; `source` `(m,)` is the polygon of each, ascending.
+    `triangles` `(m, 3)` are indices into `vertices`. `source` `(m,)` is the polygon of each triangle, ascending.
     """
     starts = np.flatnonzero(np.diff(source, prepend=-1))
     counts = np.diff(starts, append=len(source))
     split = np.repeat(counts > 1, counts)
-    if not split.any() or triangles.min() < 0 or triangles.max() >= len(vertices):  # which is reported later
+    if not split.any() or triangles.min() < 0 or triangles.max() >= len(vertices):  # an error is raised later
         return np.empty(0, np.intp), np.empty((0, 3))
     columns = np.ascontiguousarray(vertices.T)
     first, second, third = (columns[:, corners] for corners in triangles[split].T)  # (3, s) each
@@ -95,13 +96,13 @@ def _find_hollow(
 
 
 def _cut_ears(points: Sequence[Point], work: list[int]) -> list[tuple[int, int, int]] | None:
-    """The triangles of a polygon whose corners run counterclockwise, as indices of `points`; None where it crosses
-    itself, or `work`, the points that may still be compared, runs out.
+    """Returns the triangles of a polygon whose corners run counterclockwise, as indices into `points`. Returns None if
+    the polygon crosses itself, or if `work`, the number of points that may still be compared, runs out.
     """
     count = len(points)
-    # The corners that are left, as neighbours of each other: taking one out of a list would move all behind it.
+    # The remaining corners as linked neighbours: removing one from a list would move all corners after it.
     before, after = [count - 1, *range(count - 1)], [*range(1, count), 0]
-    # Only a corner that is not convex can lie in an ear, and cutting makes none that is not.
+    # Only a corner that is not convex can lie in an ear, and cutting ears off makes no new corner of that kind.
     bent = {
         corner: points[corner]
         for corner in range(count)
@@ -113,13 +114,13 @@ def _cut_ears(points: Sequence[Point], work: list[int]) -> list[tuple[int, int, 
         last, following = before[corner], after[corner]
         ear = points[last], points[corner], points[following]
         work[0] -= len(bent) + _TEST
-        is_repeated = ear[1] in (ear[0], ear[2])  # which cuts nothing off
+        is_repeated = ear[1] in (ear[0], ear[2])  # cuts nothing off
         if is_repeated or (_turn(*ear) > 0 and not any(_lies_in(ear, point) for point in bent.values())):
             ears.append((last, corner, following))
             after[last], before[following] = following, last
             bent.pop(corner, None)
             count -= 1
-            corner, missed = after[following], 0  # not the next one, which would make a fan of slivers
+            corner, missed = after[following], 0  # skip the next corner, which would make a fan of slivers
         else:
             corner, missed = following, missed + 1
         if missed > count or work[0] < 0:
@@ -128,12 +129,12 @@ def _cut_ears(points: Sequence[Point], work: list[int]) -> list[tuple[int, int, 
 
 
 def _turn(a: Point, b: Point, c: Point) -> float:
-    """Twice the area of a triangle, positive where its corners run counterclockwise."""
+    """Returns twice the area of a triangle, positive if its corners run counterclockwise."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def _lies_in(ear: tuple[Point, Point, Point], point: Point) -> bool:
-    """Whether `point` lies in a triangle or on its sides, but not in its corners: where holes are tied to an outline
-    two corners share a place."""
+    """Checks whether `point` lies in a triangle or on its sides, but not on its corners: where a hole is joined to the
+    outline, two corners have the same position."""
     a, b, c = ear
     return _turn(a, b, point) >= 0 and _turn(b, c, point) >= 0 and _turn(c, a, point) >= 0 and point not in ear

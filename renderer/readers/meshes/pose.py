@@ -1,4 +1,4 @@
-"""The moment at which a mesh is read, and the camera that it is seen from."""
+"""The time at which an animated mesh is read, and the camera that it is seen from."""
 
 from __future__ import annotations
 
@@ -16,47 +16,47 @@ if TYPE_CHECKING:
     from ciir.renderer.scene import Scene
 
 _RAYS = 64
-"""Rays along each side of a camera's picture that measure its distances."""
-_LEAST_DISTANCE = 1e-6  # of a subject, times the scene's longest side
+"""The number of rays along each side of a camera's picture that measure its distances."""
+_LEAST_DISTANCE = 1e-6  # of content from the camera, as a fraction of the scene's longest side
 
 
 @dataclass(frozen=True)
 class MeshPose:
-    """What of a file that holds animations or cameras is shown."""
+    """The time, camera and animation that are selected from a mesh file."""
 
     time: float | None = None
-    """Seconds from the start of its animations; None for the pose that is stored without them."""
+    """Seconds from the start of the animations; None for the stored pose, without animations."""
     camera: str | None = None
-    """Name or number, from 0, of the camera whose axes become those of the lens array; None for the file's own.
+    """Name or number, from 0, of the camera whose axes become those of the lens array; None for the file's own axes.
 
-    What lies behind the camera is left out, and its picture is framed.
+    Content behind the camera is left out, and the camera's picture is framed.
     """
     animation: str | None = None
-    """Name or number, from 0, of the animation; None for the first, with those that move other nodes."""
+    """Name or number, from 0, of the animation; None for the first one together with those that move other nodes."""
 
 
 AS_STORED = MeshPose()
-"""Without animations, along the file's own axes."""
+"""The pose without animations, along the file's own axes."""
 
 
 @dataclass(frozen=True)
 class Lens:
-    """What a camera at the origin, looking along -z, has in its picture: at the distance d along -z all within
-    `base + slope * d` of its axis, to each side in x and y, from `near` to `far`.
+    """The picture of a camera at the origin that looks along -z. At the distance d along -z it shows everything within
+    `base + slope * d` of the axis, to each side in x and y, from `near` to `far`.
     """
 
     base: tuple[float, float]
     slope: tuple[float, float]
-    """Both 0 in x where the picture's width is left to who shows it."""
+    """Half extents in x and y, as above. Both x values are 0 if the file leaves the picture's width to the viewer."""
     near: float
     far: float
 
 
 def see_through(scene: Scene, lens: Lens, name: str) -> Scene:
-    """A scene in a camera's coordinates with its window, without the triangles that lie wholly nearer or farther than
-    the camera sees, with a note. Where its picture shows nothing all of the scene is framed, with a note.
+    """Adds a camera's window to a scene in the camera's coordinates. Triangles that lie wholly nearer or farther than
+    the camera sees are left out, with a note. If the picture is empty, the whole scene is framed, with a note.
 
-    Raises `NothingVisible` where all of it lies nearer or farther.
+    Raises `NothingVisible` if all of the scene lies nearer or farther.
     """
     parts, left_out = [], 0
     for part in scene.parts:
@@ -69,13 +69,11 @@ def see_through(scene: Scene, lens: Lens, name: str) -> Scene:
         raise NothingVisible(f"{name}: all of it lies behind the camera; give another camera, or leave it out")
     notes = scene.notes
     if left_out:
-        notes += (f"{left_out:,} triangles lie behind the camera or out of its range, and are left out",)
+        notes += (f"{left_out:,} triangles lie behind the camera or outside its range, and are left out",)
     selected = replace(scene, parts=tuple(parts), notes=notes)
     depths = _sample_depths(selected, lens)
     if not len(depths):
-        return replace(
-            selected, notes=(*notes, "the camera's picture shows nothing: all that lies before it is framed")
-        )
+        return replace(selected, notes=(*notes, "the camera's picture is empty: everything in front of it is framed"))
     distance = float(np.median(depths))
     width, height = (base + slope * distance for base, slope in zip(lens.base, lens.slope, strict=True))
     window = Window(float(depths.min()), distance, float(depths.max()), height, width or None)
@@ -83,7 +81,7 @@ def see_through(scene: Scene, lens: Lens, name: str) -> Scene:
 
 
 def _sample_depths(scene: Scene, lens: Lens) -> NDArray[np.float64]:
-    """The distances along -z of what the camera sees, `(k,)`, by a grid of rays."""
+    """Measures the distances `(k,)` along -z of what the camera sees, with a grid of rays."""
     from ciir.renderer.backends.embree import PreparedScene
 
     places = (np.arange(_RAYS) + 0.5) / _RAYS * 2 - 1

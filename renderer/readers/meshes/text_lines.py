@@ -1,4 +1,4 @@
-"""Sorts the lines of a text by their first words, and counts and parses numbers in them, without a step for a line."""
+"""Sorts the lines of a text by their first words and counts and parses numbers in them, without a loop over lines."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ if TYPE_CHECKING:
 _SPACE = np.isin(np.arange(256), list(b" \t\n\r\v\f"))
 _NEWLINE = ord("\n")
 _LOWER = 0x20
-"""The bit that makes a letter a small one."""
+"""The bit that makes a letter lower case."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Lines of a text that start with the same word, in its order."""
+    """Lines of a text that start with the same word, in the order of the text."""
 
     numbers: NDArray[np.int64]
-    """Of the lines, from 0."""
+    """The line numbers, from 0."""
     starts: NDArray[np.int64]
     ends: NDArray[np.int64]
-    """Of the text, with the line's end."""
+    """The start and end of each line in the text. The end is after the line break."""
     widths: NDArray[np.int64]
-    """Words in each line after the first one."""
+    """The number of words in each line after the first word."""
 
     def __len__(self) -> int:
         return len(self.numbers)
 
     def select(self, chosen: NDArray[np.bool_]) -> Rows:
-        """The rows where `chosen`."""
+        """Returns the rows where `chosen` is true."""
         return Rows(self.numbers[chosen], self.starts[chosen], self.ends[chosen], self.widths[chosen])
 
     def join(self, text: bytes) -> bytes:
-        """The lines, one after another."""
+        """Returns the lines, one after another."""
         if not len(self):
             return b""
         follows = self.starts[1:] == self.ends[:-1]
@@ -49,7 +49,7 @@ class Rows:
 
 
 def sort_lines(text: bytes, words: Sequence[bytes]) -> dict[bytes, Rows]:
-    """The lines that start with each of `words`, which are in lower case, in lower or upper case."""
+    """Returns the lines that start with each of `words`, in lower or upper case. `words` must be in lower case."""
     data = np.frombuffer(text + b"\n" + b" " * max(map(len, words)), np.uint8)
     ends = np.flatnonzero(data == _NEWLINE) + 1
     starts = np.concatenate([[0], ends[:-1]])
@@ -68,7 +68,7 @@ def sort_lines(text: bytes, words: Sequence[bytes]) -> dict[bytes, Rows]:
 
 
 def find_words(data: NDArray[np.uint8], between: bytes = b"") -> NDArray[np.bool_]:
-    """Where in `data` words begin, which spaces, and the characters `between`, part."""
+    """Marks where words begin in `data`. Words are separated by spaces and by the characters in `between`."""
     parts = _SPACE | np.isin(np.arange(256), list(between)) if between else _SPACE
     parting = parts[data]
     begins = ~parting
@@ -77,7 +77,7 @@ def find_words(data: NDArray[np.uint8], between: bytes = b"") -> NDArray[np.bool
 
 
 def count_in_rows(marks: NDArray[np.bool_], rows: Rows) -> NDArray[np.int64]:
-    """How many of `marks`, one for each character of `rows.join()`, lie in each row."""
+    """Counts the `marks` in each row. There is one mark for each character of `rows.join()`."""
     lengths = rows.ends - rows.starts
     return _count_in_lines(marks, np.cumsum(lengths) - lengths)
 
@@ -87,7 +87,7 @@ def _count_in_lines(marks: NDArray[np.bool_], starts: NDArray[np.int64]) -> NDAr
 
 
 def list_words(joined: bytes, widths: NDArray[np.int64], most: int | None = None) -> Iterator[bytes]:
-    """The words of joined rows of `widths` without the first of each, of which at most `most` of a row."""
+    """Yields the words of joined rows without the first word of each, at most `most` per row. `widths`: see `Rows`."""
     counts = widths + 1
     place = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     wanted = place > 0 if most is None else (place > 0) & (place <= most)

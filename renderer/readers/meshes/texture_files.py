@@ -1,4 +1,4 @@
-"""Finds the files that a mesh refers to in its bundle, and decodes textures."""
+"""Finds the files that a mesh refers to in its bundle and decodes textures."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MAX_SIDE = 16_384
-"""Most pixels along one side of a texture: the smallest limit of the OpenGL drivers that were tried."""
+"""The most pixels along one side of a texture: the smallest limit of the OpenGL drivers that were tried."""
 MOST_WORK = 4
-"""So many times the pixels that all textures may have are decoded: larger ones are scaled down afterwards."""
+"""How many times the pixel limit of all textures may be decoded. Textures over the limit are scaled down afterwards."""
 MAX_NOTES = 50
 _FULL = f"over {MAX_NOTES} things were left out or replaced; the rest are not listed"
 
@@ -33,8 +33,8 @@ _FULL = f"over {MAX_NOTES} things were left out or replaced; the rest are not li
 class Resolver:
     """Finds files by the names in a mesh, relative to the folder of the mesh's own file `main`.
 
-    A file that is missing or outside the bundle is None with a line in `notes`, never an error.
-    `used` has the keys of those that were found.
+    A file that is missing or outside the bundle is never an error: the result is None, and a line is added to `notes`.
+    `used` holds the keys of the files that were found.
     """
 
     def __init__(self, files: Mapping[str, bytes], main: str, max_pixels: int = DEFAULT_LIMITS.pixels) -> None:
@@ -43,24 +43,24 @@ class Resolver:
         self._files = files
         self._folder = posixpath.dirname(main)
         self._max_pixels = self._pixels_left = max_pixels
-        self._work_left = MOST_WORK * max_pixels  # pixels of corrupt ones count, too
+        self._work_left = MOST_WORK * max_pixels  # pixels of corrupt textures count, too
         self._decoded: dict[tuple[str, bool], NDArray[np.uint8] | None] = {}
         self._textures: dict[tuple[str, bool, Wrap, Wrap, bool], Texture] = {}
 
     @property
     def notes(self) -> list[str]:
-        """What was left out or replaced, each once, in the order of the file."""
+        """Notes on what was left out or replaced, in the order of the file and without duplicates."""
         return list(self._notes)
 
     def add_note(self, line: str) -> None:
-        """Adds a line to `notes` unless it is there already, or `MAX_NOTES` are."""
+        """Adds a line to `notes`, unless it is already there or there are `MAX_NOTES` lines."""
         self._notes.setdefault(line if len(self._notes) < MAX_NOTES else _FULL)
 
     def find(self, name: str) -> bytes | None:
-        """The bytes of the file called `name`; None where it is missing or outside the bundle."""
+        """Returns the bytes of the file called `name`, or None if it is missing or outside the bundle."""
         name = _portable(name)
         own = posixpath.basename(name)
-        # Exporters write paths of their own machine; the file itself lies beside the mesh.
+        # Exporters write paths of their own machine; the file itself is in the mesh's folder.
         candidates = [key for each in (name, own) if (key := resolve_key(each, self._folder)) is not None]
         for key in candidates:
             if key in self._files:
@@ -71,7 +71,7 @@ class Resolver:
             return self._take(same[0])
         if len(others) != 1:
             return None
-        self.add_note(f"{clean_text(name)} is not there; {clean_text(others[0])} is used, the only file of that name")
+        self.add_note(f"{clean_text(name)} is missing; {clean_text(others[0])}, the only file of that name, is used")
         return self._take(others[0])
 
     def _take(self, key: str) -> bytes:
@@ -79,30 +79,31 @@ class Resolver:
         return self._files[key]
 
     def find_only(self, suffix: str) -> tuple[str, bytes] | None:
-        """The key and the bytes of the only file whose name ends with `suffix`, which is in lower case."""
+        """Returns the key and the bytes of the only file whose name ends with `suffix`, which is in lower case. Returns
+        None if there is no such file or more than one."""
         found = [key for own, keys in self._named.items() if own.endswith(suffix) for key in keys]
         return (found[0], self._take(found[0])) if len(found) == 1 else None
 
     @cached_property
     def _named(self) -> dict[str, list[str]]:
-        """The files in all folders by their names in lower case: downloads often have textures in a folder of their
-        own, and names from systems that ignore case."""
+        """The files in all folders, by their names in lower case. Downloads often keep textures in a separate folder,
+        and their names may come from systems that ignore case."""
         named: dict[str, list[str]] = {}
         try:
             for key in self._files:
                 named.setdefault(_compose(posixpath.basename(key)).lower(), []).append(key)
-        except TooLarge:  # beside a mesh on the disk: too many files to search
+        except TooLarge:  # a mesh on the disk, with too many files in its folder to search
             return {}
         return named
 
     def explain_missing(self, name: str) -> tuple[str, str]:
-        """Why there is no file called `name`, and the remedy."""
+        """Returns why there is no file called `name`, and the remedy."""
         if resolve_key(_portable(name), self._folder) is None:
-            return "is outside what was given", "put it beside the mesh"
+            return "is outside what was given", "put it next to the mesh"
         return "is missing", "give a zip that holds it"
 
     def find_or_note(self, name: str, what: str) -> bytes | None:
-        """As `find`, with a note where there is none, in which `what` names the kind of file."""
+        """Finds a file as `find` does, and adds a note if it is missing. `what` names the kind of file in the note."""
         data = self.find(name)
         if data is None:
             why, remedy = self.explain_missing(name)
@@ -112,14 +113,14 @@ class Resolver:
     def load_texture(
         self, name: str, *, opaque: bool, wrap_u: Wrap = "repeat", wrap_v: Wrap = "repeat"
     ) -> Texture | None:
-        """The picture file called `name` as a texture; `opaque` sets its alpha to 255 throughout."""
+        """Loads the picture file called `name` as a texture. `opaque` sets its alpha to 255 everywhere."""
         return self.decode_texture(
             lambda: self.find_or_note(name, "texture"), key=name, name=name, opaque=opaque, wrap_u=wrap_u, wrap_v=wrap_v
         )
 
     def load_masked_texture(self, name: str | None, mask: str, *, wrap_u: Wrap, wrap_v: Wrap) -> Texture | None:
-        """The picture file called `name`, white without one, whose alpha is that of the picture `mask`, or its
-        brightness where it is opaque; None where one of the two can't be read.
+        """Loads the picture file called `name` as a texture, or white if `name` is None. Its alpha is the alpha of the
+        picture `mask`, or the brightness of `mask` if that is opaque. Returns None if one of the two can't be read.
         """
         key = f"{name}\0{mask}"
         if (key, False) not in self._decoded:
@@ -130,7 +131,7 @@ class Resolver:
         return self._textures.setdefault((key, False, wrap_u, wrap_v, False), Texture(pixels, wrap_u, wrap_v))
 
     def _mask(self, name: str | None, mask: str) -> NDArray[np.uint8] | None:
-        from PIL import Image  # the web process does without
+        from PIL import Image  # not loaded in the web process
 
         alpha = self.load_texture(mask, opaque=False)
         color = alpha if name is None else self.load_texture(name, opaque=True)
@@ -139,7 +140,7 @@ class Resolver:
         height, width = color.pixels.shape[:2]
         if height * width > self._pixels_left:
             self.add_note(
-                f"the map of opacity {clean_text(mask)} is left out, as textures are too large; scale them down"
+                f"the opacity map {clean_text(mask)} is left out: the textures are too large; scale them down"
             )
             return None
         self._pixels_left -= height * width
@@ -160,9 +161,9 @@ class Resolver:
         wrap_v: Wrap,
         is_nearest: bool = False,
     ) -> Texture | None:
-        """A texture of the picture whose bytes `load` returns; None with a note where it can't be read.
+        """Decodes the picture whose bytes `load` returns as a texture; returns None, with a note, if it can't be read.
 
-        Pictures of the same `key` are loaded and decoded once. `name` is for notes.
+        Pictures with the same `key` are loaded and decoded once. `name` is the picture's name in notes.
         """
         if (key, opaque) not in self._decoded:
             self._decoded[key, opaque] = self._pixels(load, name, opaque=opaque)
@@ -181,7 +182,7 @@ class Resolver:
                     f"{height}x{width} pixels; {max(self._work_left, 0):,} are left of the "
                     f"{MOST_WORK * self._max_pixels:,} that are decoded for all textures; scale them down"
                 )
-            # Charged before decoding: a picture that fails costs as much, and so do long files of few pixels.
+            # Charged before decoding: a picture that fails costs as much, and so does a long file with few pixels.
             self._work_left -= max(height * width, len(data or b"") // 64)
 
         if min(self._work_left, self._pixels_left) <= 0:
@@ -201,8 +202,8 @@ class Resolver:
         return self._fit(to_rgba8(pixels, opaque=opaque), name)
 
     def _fit(self, pixels: NDArray[np.uint8], name: str) -> NDArray[np.uint8]:
-        """`pixels`, smaller where they are more than half of what is left, so that some is left for other textures."""
-        from PIL import Image  # the web process does without
+        """Scales `pixels` down if they use more than half of the pixels left, so that other textures get some."""
+        from PIL import Image  # not loaded in the web process
 
         height, width = pixels.shape[:2]
         factor = math.ceil(math.sqrt(2 * height * width / self._pixels_left))
@@ -217,17 +218,17 @@ class Resolver:
 
 
 def _portable(name: str) -> str:
-    """The name with `/` in place of Windows' separators."""
+    """Returns the name with `/` in place of Windows' separators."""
     return name.replace("\\", "/").removeprefix("./")
 
 
 def _compose(name: str) -> str:
-    """The name with each accented letter as one character: macOS stores letters and accents apart."""
+    """Returns the name with each accented letter as one character: macOS stores letters and accents separately."""
     return unicodedata.normalize("NFC", name)
 
 
 def to_rgba8(pixels: NDArray[np.uint8] | NDArray[np.uint16], *, opaque: bool) -> NDArray[np.uint8]:
-    """Converts pixels `(h, w, 1 to 4)` of 8 or 16 bit to RGBA `(h, w, 4)` of 8 bit, rounded; `opaque` ignores alpha."""
+    """Converts pixels `(h, w, 1 to 4)` of 8 or 16 bit to 8-bit RGBA `(h, w, 4)`, rounded. `opaque` ignores alpha."""
     if pixels.dtype == np.uint16:
         pixels = ((pixels.astype(np.uint32) * 255 + 32767) // 65535).astype(np.uint8)
     channels = pixels.shape[2]

@@ -1,4 +1,4 @@
-"""Formats of pictures that are read as textures alone, by Pillow: BMP, TGA and the first picture of a GIF."""
+"""Picture formats that are read only as textures, by Pillow: BMP, TGA and the first picture of a GIF."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ _TGA = PictureFormat(name="TGA", suffixes=(".tga",), reader="meshes.texture_form
 _TGA_HEADER = 18
 _MAP_TYPES, _TGA_KINDS, _DEPTHS = (0, 1), (1, 2, 3, 9, 10, 11), (8, 16, 24, 32)
 _ALPHA_BITS = 0x0F
-"""Of the last byte of a TGA's header."""
+"""The bits in the last byte of a TGA's header that hold the number of alpha bits."""
 
 
 def find_texture_format(name: str, data: bytes) -> PictureFormat | None:
-    """The format, by the first bytes, or of TGA, which has no signature, by the name and the header; None for all that
-    is not of these formats.
+    """Finds the format by the first bytes, or for TGA, which has no signature, by the name and the header. Returns None
+    if it is none of these formats.
     """
     signed = next((entry for entry in _SIGNED if data.startswith(entry.signatures)), None)
     if signed is not None or len(data) <= _TGA_HEADER or not name.lower().endswith(_TGA.suffixes):
@@ -42,22 +42,24 @@ def find_texture_format(name: str, data: bytes) -> PictureFormat | None:
     return _TGA if map_type in _MAP_TYPES and kind in _TGA_KINDS and depth in _DEPTHS else None
 
 
-# Not Image.open in what follows, which would try other decoders and warn of large pictures.
+# The decoders below don't use Image.open, which would try other decoders and warn about large pictures.
 
 
 def decode_bmp(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
-    """As `PictureDecoder`. Raises `UnsupportedType` for run lengths, which Pillow decodes in Python."""
+    """Decodes a BMP as a `PictureDecoder`. Raises `UnsupportedType` for run lengths, which Pillow decodes in Python."""
     from PIL.BmpImagePlugin import BmpImageFile
 
     with BmpImageFile(io.BytesIO(data)) as image:
         check_size(image.height, image.width)
         if image.tile[0][0] != "raw":
-            raise UnsupportedType(f"{name}: a BMP of run lengths; save it uncompressed, or as PNG")
+            raise UnsupportedType(f"{name}: a run-length encoded BMP; save it uncompressed, or as PNG")
         return _convert(image), 1
 
 
 def decode_tga(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:  # noqa: ARG001
-    """As `PictureDecoder`. Without bits of alpha in its header (Truevision TGA 2.0, field 5.6) it is opaque."""
+    """Decodes a TGA as a `PictureDecoder`. The picture is opaque if the header states no alpha bits (Truevision TGA
+    2.0, field 5.6).
+    """
     from PIL.TgaImagePlugin import TgaImageFile
 
     with TgaImageFile(io.BytesIO(data)) as image:
@@ -67,20 +69,20 @@ def decode_tga(data: bytes, name: str, check_size: Callable[[int, int], None]) -
 
 
 def decode_gif(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
-    """As `PictureDecoder`, of the first picture. Raises `Unreadable` where that reaches out of the screen."""
+    """Decodes a GIF's first picture as a `PictureDecoder`. Raises `Unreadable` if it extends beyond the screen."""
     from PIL.GifImagePlugin import GifImageFile
 
     width, height = struct.unpack_from("<HH", data, 6)
     check_size(height, width)
     left, top, across, down = struct.unpack_from("<HHHH", data, _find_picture(data) + 1)
     if left + across > width or top + down > height:  # Pillow would allocate more than was checked
-        raise Unreadable(f"{name}: a GIF whose first picture reaches out of its {height}x{width} pixels; save it again")
+        raise Unreadable(f"{name}: a GIF whose first picture extends beyond its {height}x{width} pixels; save it again")
     with GifImageFile(io.BytesIO(data)) as image:
         return _convert(image), 1
 
 
 def _find_picture(data: bytes) -> int:
-    """Where a GIF's first image descriptor is (GIF89a, section 20): behind the palette and extensions."""
+    """Returns the offset of a GIF's first image descriptor (GIF89a, section 20), after the palette and extensions."""
     at = 13 + (3 << (data[10] & 7) + 1 if data[10] & 0x80 else 0)
     while data[at] == ord("!"):
         at += 2

@@ -1,7 +1,7 @@
-"""3MF: its meshes are parsed by trimesh, its colours and components here.
+"""Reads 3MF files. trimesh parses their meshes; colours and components are read here.
 
-trimesh 5.2 ignores colours, and loses instances of components where there are many. Format: 3MF Core Specification 1.3,
-which has z up, and the colour groups of its Materials Extension.
+trimesh 5.2 ignores colours, and loses instances of components if there are many. The format is that of the 3MF Core
+Specification 1.3, in which z is up, with the colour groups of its Materials Extension.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ if TYPE_CHECKING:
 
 _MODEL = "3d/3dmodel.model"
 _TAGS = 8
-"""Most tags for each triangle of the limit: its own and those of three vertices, opened and closed."""
+"""The most tags for each triangle of the limit: its own and those of three vertices, opening and closing."""
 _COLOR = re.compile(r"#([0-9a-fA-F]{6})([0-9a-fA-F]{2})?")
 Palettes = dict[str, "list[Color]"]
 References = list[tuple[str, "NDArray[np.float64]"]]
-"""Objects by index, each with its 4x4 matrix."""
+"""References to objects: the object's index and a 4x4 matrix."""
 
 
 def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
-    """The objects that a 3MF builds, turned to y up, with the colours of their materials and colour groups.
+    """Reads the objects that a 3MF builds, turned to y up, with the colours of their materials and colour groups.
 
-    Raises `Unreadable` where it is malformed, `UnsupportedType` where parts are in other model files, `TooLarge` over
-    `limits` or `MAX_NODES`.
+    Raises `Unreadable` if the file is malformed, `UnsupportedType` if parts are in other model files, and `TooLarge`
+    over `limits` or `MAX_NODES`.
     """
     from lxml import etree
     from trimesh.exchange.common import XML_PARSER_OPTIONS
@@ -74,14 +74,14 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
 
 
 def _read_references(element: Any, objects: dict[str, Any], name: str) -> References:
-    """The components of an object, or the items of the build."""
+    """Reads the components of an object, or the items of the build."""
     from trimesh.exchange.threemf import _attrib_to_transform
 
     references = []
     for reference in element.iter("{*}component", "{*}item"):
         index = str(reference.get("objectid"))
         if any(key.endswith("path") for key in reference.keys()):  # noqa: SIM118 - not a dict
-            raise UnsupportedType(f"{name}: has parts in other model files, as slicers' projects do; export one model")
+            raise UnsupportedType(f"{name}: has parts in other model files, as slicer projects do; export one model")
         if index not in objects:
             raise Unreadable(f"{name}: object {clean_text(index)} is used before it is defined; export it again")
         references.append((index, _attrib_to_transform(reference.attrib)))
@@ -91,14 +91,14 @@ def _read_references(element: Any, objects: dict[str, Any], name: str) -> Refere
 def _instances(
     build: References, objects: dict[str, tuple[list[Surface], References]], name: str
 ) -> Iterator[tuple[Surface, NDArray[np.float64]]]:
-    """The surfaces of all instances, each with its world matrix."""
+    """Yields the surfaces of all instances, each with its world matrix."""
     waiting = [(index, UPRIGHT["Z_UP"] @ matrix) for index, matrix in reversed(build)]
     nodes = 0
     while waiting:
         index, matrix = waiting.pop()
         nodes += 1
         if nodes > MAX_NODES:
-            raise TooLarge(f"{name}: over {MAX_NODES:,} components, which is the most that is read; join them")
+            raise TooLarge(f"{name}: over {MAX_NODES:,} components, which is the limit; join them")
         surfaces, components = objects[index]
         yield from ((surface, matrix) for surface in surfaces)
         waiting += [(component, matrix @ own) for component, own in reversed(components)]
@@ -110,7 +110,7 @@ def _read_mesh(mesh: Any, element: Any, palettes: Palettes, name: str, resolver:
     vertices, faces = parse_mesh(mesh)
     triangles = list(mesh.iter("{*}triangle"))
     if (sum(1 for _ in mesh.iter("{*}vertex")), len(triangles)) != (len(vertices), len(faces)):
-        raise Unreadable(f"{name}: a number of its mesh can't be read; export it again")
+        raise Unreadable(f"{name}: a number in its mesh can't be read; export it again")
     surface = Surface(vertices, faces, color=DEFAULT_COLOR)
     group, index = element.get("pid"), element.get("pindex", "0")
     if group is None and not any("pid" in triangle.attrib for triangle in triangles):
@@ -125,7 +125,7 @@ def _read_mesh(mesh: Any, element: Any, palettes: Palettes, name: str, resolver:
         else:
             colors[number] = DEFAULT_COLOR
             if used is not None:
-                resolver.add_note("textures and mixed materials of 3MF are left out: drawn light grey")
+                resolver.add_note("3MF textures and mixed materials are left out: light grey is drawn")
     is_see_through = bool((colors[..., 3] < 1).any())
     return replace(split_corners(surface), colors=colors.reshape(-1, 4), color=WHITE, is_see_through=is_see_through)
 
@@ -135,4 +135,4 @@ def _parse_color(entry: Any) -> Color:
     if match is None:
         return DEFAULT_COLOR
     red, green, blue, alpha = bytes.fromhex(match[1] + (match[2] or "ff"))
-    return red / 255, green / 255, blue / 255, (alpha or 255) / 255  # nothing would be left of alpha 0
+    return red / 255, green / 255, blue / 255, (alpha or 255) / 255  # with alpha 0 nothing would be visible

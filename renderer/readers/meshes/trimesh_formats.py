@@ -1,7 +1,7 @@
-"""STL, parsed by trimesh, and OFF.
+"""Reads STL, parsed by trimesh, and OFF.
 
-trimesh 5.2 accepts STL that is cut short, and finds its keywords in the names of solids; of OFF it drops colours. It is
-given bytes in memory whose counts are within the limits, and no means to open another file.
+trimesh 5.2 accepts STL files that are cut short and finds keywords in the names of solids; it drops the colours of OFF.
+It only gets bytes in memory whose counts are within the limits, and cannot open another file.
 """
 
 from __future__ import annotations
@@ -35,32 +35,32 @@ logging.getLogger("trimesh").addHandler(logging.NullHandler())  # its warnings w
 
 
 def check_xml(data: bytes, name: str) -> None:
-    """Raises `Unreadable` for XML with a document type, whose entities could grow without limit or name other files.
+    """Raises `Unreadable` for XML with a document type: its entities could grow without limit or refer to other files.
 
-    Encodings in which one could be hidden are refused, too.
+    Encodings in which a document type could be hidden are refused, too.
     """
     declared = _XML_ENCODING.match(data.removeprefix(b"\xef\xbb\xbf"))
     if b"\0" in data or (declared and declared[1].lower() not in _XML_ENCODINGS):
         raise Unreadable(f"{name}: its XML is not in UTF-8; export it again")
     if b"<!DOCTYPE" in data:
-        raise Unreadable(f"{name}: its XML has a document type, which is not read; take it out")
+        raise Unreadable(f"{name}: its XML has a document type, which is not read; remove it")
 
 
 def read_stl(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
-    """All solids of an ASCII or a binary STL as one surface, whose normals are computed: many writers leave them zero.
+    """Reads all solids of an ASCII or a binary STL as one surface. Normals are computed: many writers leave them zero.
 
-    Colours, which are stored in two ways that contradict each other, are left out, with a note.
+    Colours are left out, with a note: there are two ways to store them, which contradict each other.
 
-    Raises `Unreadable` where it is cut short, `TooLarge` over `limits`.
+    Raises `Unreadable` if the file is cut short, and `TooLarge` over `limits`.
     """
     from trimesh.exchange.stl import load_stl_ascii, load_stl_binary
 
-    # Binary files may begin with "solid" too; but the highest byte of their count is zero, and text has no zeros.
+    # Binary files may begin with "solid", too, but the highest byte of their count is zero, and text has no zero bytes.
     if data[:5].lower() == b"solid" and b"\0" not in data[:_STL_HEADER]:
         lower = data.lower()
         count = lower.count(b"endfacet")
         check_size(name, count, 3 * count, limits.triangles)
-        text = b"solid\n" + _STL_NAME.sub(b"", data) + b"\nendsolid"  # one solid: trimesh is quadratic in their number
+        text = b"solid\n" + _STL_NAME.sub(b"", data) + b"\nendsolid"  # as one solid: trimesh takes quadratic time
         vertices = load_stl_ascii(io.BytesIO(text if text.isascii() else b"")).get("vertices", np.empty((0, 3)))
         if len(vertices) != 3 * count or b"endsolid" not in lower:
             raise Unreadable(
@@ -76,7 +76,7 @@ def read_stl(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> l
         check_size(name, count, 3 * count, limits.triangles)
         last = data[
             _STL_HEADER + _STL_TRIANGLE - 1 : size : _STL_TRIANGLE
-        ]  # of each triangle; its highest bit: a colour
+        ]  # of each triangle; the highest bit marks a colour
         if b"COLOR=" in data[:80] or max(last, default=0) & 0x80:
             resolver.add_note("the colours of an STL are left out; export it as PLY, OBJ or GLB")
         vertices = load_stl_binary(io.BytesIO(data[:size])).get("vertices", np.empty((0, 3)))
@@ -84,9 +84,9 @@ def read_stl(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> l
 
 
 def read_off(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[Surface]:
-    """The faces of an ASCII OFF or COFF as one surface, with the colours of its vertices, or else of its faces.
+    """Reads the faces of an ASCII OFF or COFF as one surface, with the colours of its vertices, or else of its faces.
 
-    Raises `Unreadable` where it is cut short, `TooLarge` over `limits`.
+    Raises `Unreadable` if the file is cut short, and `TooLarge` over `limits`.
     """
     lines = io.BytesIO(data.removeprefix(b"\xef\xbb\xbf").replace(b"\r", b"\n"))
     rows = [row for line in lines if (row := line.partition(b"#")[0].strip())]
@@ -121,13 +121,15 @@ def read_off(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> l
         return [surface]
     try:
         colors = _read_colors(painted)[np.repeat(face_of, 3)]
-    except ValueError:  # words, or rows of other lengths: one number would be an entry of a colour map
+    except ValueError:  # words, or rows of other lengths: a single number would be an index into a colour map
         resolver.add_note("colours that are not red, green and blue of every face are left out")
         return [surface]
     return [replace(split_corners(surface), colors=colors, color=WHITE)]
 
 
 def _read_colors(rows: list[list[bytes]]) -> NDArray[np.float32]:
-    """RGBA `(n, 4)` of red, green and blue from 0 to 1, or to 255 where one is above 1. `ValueError` for other rows."""
+    """Reads rows of red, green and blue as RGBA `(n, 4)`. Values are from 0 to 1, or to 255 if one is above 1. Raises
+    `ValueError` for other rows.
+    """
     colors = np.array(rows, np.float64).reshape(len(rows), 3).astype(np.float32)
     return add_alpha(colors / (255 if colors.max() > 1 else 1))

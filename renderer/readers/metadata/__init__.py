@@ -1,1 +1,1 @@
-"""Reads what picture files hold beside their pixels."""
+"""Reads the metadata of picture files."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 import struct
 
 HEADER = b"Exif\0\0"
-"""Before a block in JPEG, and by mistake in some PNG and WebP files."""
+"""The bytes before a block in JPEG, and by mistake in some PNG and WebP files."""
 ORIENTATION = 0x0112
 
 
 def read_orientation(exif: bytes) -> int:
-    """Tag 0x0112 of a block's first directory (Exif 2.32, 4.6.4); 1, upright, where it is absent or the block is
-    malformed.
+    """Reads tag 0x0112 of a block's first directory (Exif 2.32, 4.6.4). Returns 1, which is upright, if it is absent or
+    the block is malformed.
     """
     exif = exif.removeprefix(HEADER)
     order = {b"II": "<", b"MM": ">"}.get(exif[:2])

@@ -48,7 +48,7 @@ def test_pictures_that_a_mesh_in_one_file_does_not_use_are_noted(name: str) -> N
     }
     mesh, pictures = meshes[name], {"eia.jpg": PNG} if name == "m.ply" else {"eia.jpg": PNG, "photo.jpg": PNG}
     more = "" if name == "m.ply" else " and 1 more"
-    note = f"eia.jpg{more} left out: the mesh {name} names no such file"
+    note = f"eia.jpg{more} left out: not used by the mesh {name}"
     assert note in read({name: mesh, **pictures, "notes.txt": b""}).notes
     assert not any("left out" in note for note in read({name: mesh, **pictures}, name).notes)  # a file beside others
 
@@ -108,7 +108,7 @@ def test_two_meshes() -> None:
 
 
 def test_neither_mesh_nor_pictures() -> None:
-    with pytest.raises(Unreadable, match=r"set: no file of a type that is read among its 2 \(\.bmp, \.txt\); give a"):
+    with pytest.raises(Unreadable, match=r"set: none of its 2 files is of a type that is read \(\.bmp, \.txt\); give"):
         read({"a.txt": b"x", "b.bmp": b"x"})
     with pytest.raises(Unreadable, match=r"set: holds a zip, views\.zip, which is not unpacked within .*; give a mesh"):
         read({"views.zip": b"PK\5\6"})
@@ -253,7 +253,7 @@ def test_one_view_of_ours_stays_a_set_of_one_view() -> None:
 
 @pytest.mark.parametrize("folder", ["", "below/"])
 def test_tiles_are_refused_with_what_to_write_instead(folder: str) -> None:
-    with pytest.raises(UnsupportedType, match="set: tiles are written for viewers and not read again; write the light"):
+    with pytest.raises(UnsupportedType, match="set: tiles are written for viewers and can't be read; write the light"):
         read({f"{folder}{name}": data for name, data in TILES.items()})
 
 

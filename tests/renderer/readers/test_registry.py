@@ -48,7 +48,8 @@ def test_every_format_is_in_the_docs() -> None:
 
 def test_a_suffix_of_another_format_is_refused_with_both_formats_named() -> None:
     with pytest.raises(
-        UnsupportedType, match=r"duck\.glb: the suffix is of GLB but the content is of PNG; rename it to end with \.png"
+        UnsupportedType,
+        match=r"duck\.glb: the suffix is that of GLB but the content is PNG; rename it to end with \.png",
     ):
         identify("duck.glb", CONTENTS["a.png"][0])
 

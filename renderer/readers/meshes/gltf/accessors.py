@@ -22,9 +22,10 @@ _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
 def read_accessor(document: Document, index: object) -> NDArray[Any]:
-    """An accessor as `(count, width)`: its own integers, or float32 where it holds floats or is normalised.
+    """Reads an accessor as `(count, width)`: as its own integers, or as float32 if it holds floats or is normalised.
 
-    Raises `Unreadable` where it needs more data than the file holds, `TooLarge` over `Document.max_elements` in all.
+    Raises `Unreadable` if it needs more data than the file holds, and `TooLarge` if all accessors together exceed
+    `Document.max_elements`.
     """
     entry = document.item("accessors", index)
     dtype = np.dtype(_TYPES[entry["componentType"]]).newbyteorder("<")
@@ -35,10 +36,10 @@ def read_accessor(document: Document, index: object) -> NDArray[Any]:
     document.elements += count + (int(entry["sparse"]["count"]) if "sparse" in entry else 0)
     if document.elements > document.max_elements:
         raise TooLarge(
-            f"{document.name}: with accessor {index} those that are read have {clean_text(f'{document.elements:,}')} "
+            f"{document.name}: with accessor {index} the accessors have {clean_text(f'{document.elements:,}')} "
             f"elements; at most {document.max_elements:,} are read together; decimate the mesh",
             "triangles",
-            sum(int(each["count"]) for each in document.json["accessors"]) // 3,  # the indices alone are 3 a triangle
+            sum(int(each["count"]) for each in document.json["accessors"]) // 3,  # a triangle has 3 indices alone
         )
     if "bufferView" in entry:
         view = document.item("bufferViews", entry["bufferView"])
@@ -58,7 +59,7 @@ def read_accessor(document: Document, index: object) -> NDArray[Any]:
 
 
 def make_triangles(indices: NDArray[Any], mode: int) -> NDArray[np.int64]:
-    """The triangles `(m, 3)` of the indices `(n,)` of a primitive of `mode` 4, 5 or 6."""
+    """Makes triangles `(m, 3)` from the indices `(n,)` of a primitive of `mode` 4, 5 or 6."""
     flat = indices.astype(np.int64).ravel()
     if mode == _TRIANGLES:
         return flat[: len(flat) // 3 * 3].reshape(-1, 3)

@@ -18,20 +18,20 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.meshes.gltf.document import Document
 
 PATHS = {"translation": 3, "rotation": 4, "scale": 3, "weights": None}
-"""Properties of nodes that are animated, and their lengths."""
+"""The properties of nodes that can be animated, and their lengths."""
 MODES = ("LINEAR", "STEP", "CUBICSPLINE")
-"""Of interpolation."""
-_STRAIGHT = 1e-6  # radians between two rotations below which the way between them is a straight line
+"""The modes of interpolation."""
+_STRAIGHT = 1e-6  # radians; below this angle rotations are interpolated along a straight line
 
 
 def sample_nodes(document: Document, time: float, animation: str | None) -> dict[int, dict[str, Any]]:
-    """The properties that animations give nodes at `time` in seconds: node -> property of `PATHS` -> value.
+    """Returns the properties that animations give to nodes at `time` in seconds: node -> property of `PATHS` -> value.
 
-    `animation`: the name, or the number from 0, of the one that is played. Without it the first is, and each further
-    one that moves none of the same properties: others are other sequences of the same object. Before the first keyframe
-    and behind the last one a property stays as it is there.
+    `animation` is the name, or the number from 0, of the animation that is played. Without it the first one is played,
+    with each later one that moves none of the same properties; the others are other sequences of the same object. A
+    property keeps its first value before the first keyframe, and its last value after the last keyframe.
 
-    Raises `InvalidOption` without animations, or without that one.
+    Raises `InvalidOption` if there are no animations, or if that one doesn't exist.
     """
     count = len(document.json.get("animations", []))
     if not count:
@@ -55,7 +55,7 @@ def sample_nodes(document: Document, time: float, animation: str | None) -> dict
     if skipped:
         others = ", ".join(skipped[:5]) + (", ..." if skipped[5:] else "")
         document.resolver.add_note(
-            f"animation: the first is played, not others that move the same nodes: {others}; animation selects one"
+            f"animation: the first is played; others that move the same nodes are not ({others}); animation selects one"
         )
     if time > end:
         document.resolver.add_note(f"time: the animation ends at {end:g} s; its last pose is shown")
@@ -63,12 +63,12 @@ def sample_nodes(document: Document, time: float, animation: str | None) -> dict
 
 
 def _find_channels(document: Document, animation: dict[str, Any]) -> list[tuple[int, str, dict[str, Any]]]:
-    """Node, property and sampler of each channel."""
+    """Returns the node, property and sampler of each channel."""
     found = []
     for channel in animation["channels"]:
         target = channel["target"]
         if "node" not in target or target["path"] not in PATHS:
-            document.resolver.add_note("animations of other things than nodes are not played")
+            document.resolver.add_note("animations of anything other than nodes are not played")
             continue
         document.item("nodes", target["node"])
         if channel["sampler"] < 0:
@@ -78,7 +78,7 @@ def _find_channels(document: Document, animation: dict[str, Any]) -> list[tuple[
 
 
 def sample(document: Document, sampler: dict[str, Any], path: str, time: float) -> tuple[NDArray[np.float64], float]:
-    """The value of a sampler at `time`, and the time of its last keyframe. Raises `Unreadable` where it has none."""
+    """Returns a sampler's value at `time`, and the time of its last keyframe. Raises `Unreadable` if it has none."""
     times = read_accessor(document, sampler["input"])[:, 0]
     values = read_accessor(document, sampler["output"])
     mode = sampler.get("interpolation", "LINEAR")
@@ -91,7 +91,7 @@ def sample(document: Document, sampler: dict[str, Any], path: str, time: float) 
     after, rows = min(before + 1, count - 1), len(values) // count
     first, second = (
         values[key * rows : (key + 1) * rows].astype(np.float64).reshape(parts, -1) for key in (before, after)
-    )  # (parts, length); of a spline the parts are in-tangent, value, out-tangent
+    )  # (parts, length); the parts of a spline are in-tangent, value, out-tangent
     length = first.shape[1]
     if PATHS[path] not in (None, length):
         raise Unreadable(f"{document.name}: an animated {path} has {length} numbers; export it again")
@@ -111,7 +111,7 @@ def sample(document: Document, sampler: dict[str, Any], path: str, time: float) 
 def _interpolate_spline(
     first: NDArray[np.float64], second: NDArray[np.float64], share: float, step: float
 ) -> NDArray[np.float64]:
-    """A cubic Hermite spline between two keyframes (appendix C.5)."""
+    """Interpolates a cubic Hermite spline between two keyframes (appendix C.5)."""
     squared, cubed = share**2, share**3
     value: NDArray[np.float64] = (
         (2 * cubed - 3 * squared + 1) * first[1]
@@ -123,7 +123,7 @@ def _interpolate_spline(
 
 
 def slerp(first: NDArray[np.float64], second: NDArray[np.float64], share: float) -> NDArray[np.float64]:
-    """The rotation at `share` of the shorter way between two quaternions (appendix C.4)."""
+    """Returns the rotation at `share` of the shorter way between two quaternions (appendix C.4)."""
     first, second = (quaternion / max(float(np.linalg.norm(quaternion)), 1e-300) for quaternion in (first, second))
     cosine = float(first @ second)
     if cosine < 0:

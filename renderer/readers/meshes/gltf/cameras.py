@@ -1,4 +1,4 @@
-"""Cameras of a glTF file (glTF 2.0, section 3.10)."""
+"""Finds the cameras of a glTF file (glTF 2.0, section 3.10)."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.meshes.gltf.document import Document
 
 _LEAST = 1e-6
-"""Least half extent of a camera's picture: of an orthographic one, or at distance 1."""
+"""The smallest half extent of a camera's picture: its own if it is orthographic, else that at distance 1."""
 
 
 def find_camera(
     document: Document, nodes: Iterable[tuple[int, dict[str, Any], NDArray[np.float64]]], camera: str
 ) -> tuple[NDArray[np.float64], Lens]:
-    """The 4x4 matrix from the scene to the camera's coordinates: the camera at the origin, x to its right, y up; and
-    its lens.
+    """Finds a camera. Returns the 4x4 matrix from the scene to its coordinates, with the camera at the origin, x to its
+    right and y up; and its lens.
 
-    `camera`: a number, counted from 0 in the order of the scene's `nodes`, or the name of a camera or of its node.
-    Raises `InvalidOption` where there is no such camera.
+    `camera` is a number, counted from 0 in the order of the scene's `nodes`, or the name of a camera or of its node.
+    Raises `InvalidOption` if there is no such camera.
     """
     found: list[tuple[tuple[str, str], NDArray[np.float64], dict[str, Any]]] = []
     for _, node, matrix in nodes:
@@ -42,7 +42,7 @@ def find_camera(
     backward = normalize(matrix[:3, 2])
     up = normalize(matrix[:3, 1] - backward * (matrix[:3, 1] @ backward))
     view = np.eye(4)
-    view[:3, :3] = np.cross(up, backward), up, backward  # no scale: a camera has none
+    view[:3, :3] = np.cross(up, backward), up, backward  # without scale, as a camera has none
     view[:3, 3] = -view[:3, :3] @ matrix[:3, 3]
     if not np.isfinite(view).all() or abs(float(np.linalg.det(view)) - 1) > 1e-6:  # a zero axis has no direction
         raise Unreadable(f"{document.name}: camera {number} has no orientation; export it again")
@@ -51,17 +51,17 @@ def find_camera(
     if not (_LEAST <= extents[0] <= MAX_COORDINATE and (extents[1] == 0 or _LEAST <= extents[1] <= MAX_COORDINATE)):
         raise Unreadable(f"{document.name}: camera {number} has no field of view; export it again")
     note = f"camera {number}: its picture fits into the centre view"
-    if lens.slope[1] > 0:  # rays of an orthographic camera are parallel, too
+    if lens.slope[1] > 0:  # the rays of an orthographic camera are parallel, as in views
         note += (
-            " at the subject's distance; what is nearer or farther has another size than to the camera, as views have "
-            "another perspective or none"
+            " at the subject's distance; nearer or farther content has a different size than in the camera's picture, "
+            "as views have a different perspective or none"
         )
     document.resolver.add_note(note)
     return view, lens
 
 
 def _read_lens(entry: dict[str, Any]) -> Lens:
-    """The lens of a perspective or orthographic camera (sections 3.10.3.2 and 3.10.3.3)."""
+    """Reads the lens of a perspective or orthographic camera (sections 3.10.3.2 and 3.10.3.3)."""
     if entry["type"] == "orthographic":
         values = entry["orthographic"]
         base = abs(float(values["xmag"])), abs(float(values["ymag"]))

@@ -1,7 +1,8 @@
-"""glTF 2.0 files: the container, the JSON in it, the buffers, and which extensions can be decoded here.
+"""glTF 2.0 files: the container, its JSON, the buffers, and the extensions that can be decoded here.
 
-Not by trimesh 5.2, which without an error ignores a sampler's wraps, a texture's transform, the vertex colours of
-textured meshes and required extensions, and takes accessors without data as zeros. Khronos glTF 2.0, sections 3 and 4.
+trimesh 5.2 is not used. Without an error it ignores a sampler's wraps, a texture's transform, the vertex colours of
+textured meshes and required extensions, and reads accessors without data as zeros. The format is described in Khronos
+glTF 2.0, sections 3 and 4.
 """
 
 from __future__ import annotations
@@ -40,10 +41,11 @@ DECODED = {
 _JSON_CHUNK, _BIN_CHUNK = 0x4E4F534A, 0x004E4942
 _VIEW_INDEPENDENT = {"KHR_animation_pointer", "KHR_lights_punctual"}
 ELEMENTS = 15
-"""Most elements in all accessors that are read, for each triangle that a mesh may have: positions, normals, colours,
-texture coordinates and indices of the largest. An accessor without data adds none to the file's size."""
+"""The most elements in all accessors that are read, for each triangle that a mesh may have. The largest mesh needs them
+for positions, normals, colours, texture coordinates and indices. The limit is needed because an accessor without data
+adds nothing to the file's size."""
 ELEMENT_BYTES = 16
-"""Bytes of an element as `ELEMENTS` counts them in buffer views that are decompressed."""
+"""The bytes that count as one of the `ELEMENTS` in buffer views that are decompressed."""
 
 
 @dataclass(eq=False)
@@ -52,25 +54,25 @@ class Document:
 
     name: str
     json: dict[str, Any]
-    """As in the file: unchecked, but that it is an object."""
+    """The JSON as in the file. It is an object; nothing else is checked."""
     binary: bytes | None
     """The GLB's second chunk."""
     resolver: Resolver
     max_elements: int
-    """Most elements in all accessors that are read."""
+    """The most elements in all accessors that are read."""
     buffers: dict[int, bytes] = field(default_factory=dict)
-    """Buffers that were read, by index."""
+    """The buffers that were read, by index."""
     elements: int = 0
-    """Elements in all accessors that were read."""
+    """The number of elements in all accessors that were read."""
     unpacked: dict[object, memoryview] = field(default_factory=dict)
-    """Buffer views that were decompressed, by index."""
+    """The buffer views that were decompressed, by index."""
     unpacked_bytes: int = 0
-    """Of them all."""
+    """The total size of the decompressed buffer views."""
     black_textures: dict[int, bool] = field(default_factory=dict)
-    """Whether a texture is black throughout, by index, as far as that was needed."""
+    """Whether a texture is black everywhere, by index. Only textures that were checked have an entry."""
 
     def item(self, kind: str, index: object) -> dict[str, Any]:
-        """`json[kind][index]`, an object. Raises `Unreadable` where there is none."""
+        """Returns the object `json[kind][index]`. Raises `Unreadable` if there is none."""
         items = self.json.get(kind, [])
         if not isinstance(index, int) or not isinstance(items, list) or not 0 <= index < len(items):
             raise Unreadable(
@@ -82,7 +84,7 @@ class Document:
         return item
 
     def buffer(self, index: int) -> bytes:
-        """The bytes of a buffer, at least `byteLength` of them."""
+        """Returns the bytes of a buffer, at least `byteLength` of them."""
         if index in self.buffers:
             return self.buffers[index]
         entry = self.item("buffers", index)
@@ -106,7 +108,7 @@ class Document:
         return data
 
     def view(self, index: object) -> memoryview:
-        """The bytes of a buffer view, decompressed."""
+        """Returns the bytes of a buffer view, decompressed."""
         entry = self.item("bufferViews", index)
         extensions = entry.get("extensions", {})
         packed = next((extensions[name] for name in meshopt.NAMES if name in extensions), None)
@@ -123,13 +125,14 @@ class Document:
         return self.unpacked[index]
 
     def _unpack(self, data: memoryview, packed: dict[str, Any], index: object) -> memoryview:
-        """A buffer view of `meshopt.NAMES`. Raises `Unreadable`, or `TooLarge` before anything is allocated."""
+        """Decompresses a buffer view with one of the extensions `meshopt.NAMES`. Raises `Unreadable`, or `TooLarge`
+        before anything is allocated."""
         count, stride = int(packed["count"]), int(packed["byteStride"])
         most = ELEMENT_BYTES * self.max_elements
         self.unpacked_bytes += count * stride
         if self.unpacked_bytes > most:
             raise TooLarge(
-                f"{self.name}: with buffer view {index} those that are compressed unpack to over {most:,} bytes; "
+                f"{self.name}: with buffer view {index} the compressed buffer views unpack to over {most:,} bytes; "
                 "decimate the mesh",
                 "triangles",
             )
@@ -143,7 +146,7 @@ class Document:
         return memoryview(values.tobytes())
 
     def image(self, entry: dict[str, Any]) -> bytes | None:
-        """The bytes of an entry of `images`; None with a note where its file is missing."""
+        """Returns the bytes of an entry of `images`. Returns None and adds a note if its file is missing."""
         if "bufferView" in entry:
             return bytes(self.view(entry["bufferView"]))
         data = _decode_data_uri(entry["uri"], self.name)
@@ -152,15 +155,15 @@ class Document:
         return self.resolver.find_or_note(unquote(entry["uri"]), "texture") if data is None else data
 
     def _find_file(self, uri: str) -> bytes | None:
-        """The file that a URI names; some exporters leave out the quoting of `%` in names."""
+        """Finds the file that a URI names. Some exporters don't quote `%` in names."""
         data = self.resolver.find(unquote(uri))
         return self.resolver.find(uri) if data is None and "%" in uri else data
 
 
 def parse(data: bytes, *, name: str, resolver: Resolver, max_triangles: int) -> Document:
-    """Parses a `.glb` or `.gltf` file, and checks that its required extensions can be decoded.
+    """Parses a `.glb` or `.gltf` file and checks that its required extensions can be decoded.
 
-    Raises `Unreadable` where the container or its JSON is malformed, `UnsupportedType` for other versions of glTF and
+    Raises `Unreadable` if the container or its JSON is malformed, and `UnsupportedType` for other versions of glTF and
     for required extensions that are not decoded here.
     """
     text, binary = _split_chunks(data, name) if data.startswith(b"glTF") else (data, None)
@@ -180,7 +183,7 @@ def parse(data: bytes, *, name: str, resolver: Resolver, max_triangles: int) -> 
 
 
 def _decode_data_uri(uri: str, name: str) -> bytes | None:
-    """The data of a data URI; None where the URI names a file."""
+    """Returns the data of a data URI, or None if the URI names a file."""
     if not uri.startswith("data:"):
         return None
     header, _, payload = uri.partition(",")
@@ -190,7 +193,7 @@ def _decode_data_uri(uri: str, name: str) -> bytes | None:
 
 
 def _check_extension(extension: str, name: str, resolver: Resolver, *, is_required: bool) -> None:
-    """Adds a note of an extension without effect here; raises `UnsupportedType` for one that is needed."""
+    """Adds a note on an extension that has no effect here. Raises `UnsupportedType` if the file requires it."""
     if extension in DECODED:
         if extension == "KHR_texture_basisu" and is_required and find_spec("opengl_basisu") is None:
             raise UnsupportedType(
@@ -200,7 +203,7 @@ def _check_extension(extension: str, name: str, resolver: Resolver, *, is_requir
         return
     named = clean_text(extension)
     if extension == "KHR_materials_variants":
-        resolver.add_note(f"{named}: the materials that are drawn are those without a variant")
+        resolver.add_note(f"{named}: the materials without a variant are drawn")
     elif extension.startswith("KHR_materials_") or extension in _VIEW_INDEPENDENT:
         resolver.add_note(f"{named} has no effect on a view-independent picture and is ignored")
     elif is_required:
@@ -218,7 +221,7 @@ def _split_chunks(data: bytes, name: str) -> tuple[bytes, bytes | None]:
     if version != 2:
         raise UnsupportedType(f"{name}: GLB version {version}; version 2 is read; export it as glTF 2.0")
     if length > len(data):
-        raise Unreadable(f"{name}: {len(data):,} of {length:,} bytes are there: cut short; give it again")
+        raise Unreadable(f"{name}: cut short: it has {len(data):,} of {length:,} bytes; give it again")
     chunks: dict[int, bytes] = {}
     start = 12
     while start + 8 <= length:

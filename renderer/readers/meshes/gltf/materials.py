@@ -20,11 +20,11 @@ _NEAREST = 9728
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
 
 TRANSMITTED = 0.9
-"""Most of the light from behind that comes through clear glass: the rest stands for its reflections."""
+"""The largest share of light from behind that clear glass lets through. The rest stands for its reflections."""
 METAL = 0.25
-"""The largest specular colour of what is no metal, linear: gems have 0.17, metals 0.5 and more."""
+"""The largest linear specular colour of a material that is not a metal: gems have 0.17, metals 0.5 and more."""
 _MAX_STRENGTH = 1e6
-"""The largest `emissiveStrength`: larger ones, which JSON may have, count as this one."""
+"""The largest `emissiveStrength`. JSON may contain larger values; they count as this one."""
 
 
 class Material:
@@ -47,9 +47,9 @@ class Material:
         emitted = self._read_emitted(entry)
         emits = not self.is_unlit and bool(emitted.any())
         glow = entry.get("emissiveTexture")
-        is_cut = self._has_alpha and self._texture not in (None, glow)  # its shape is in the base texture's alpha
+        is_cut = self._has_alpha and self._texture not in (None, glow)  # the base texture's alpha holds its shape
         self.only_emits = emits and len(emitted) == 3 and not is_cut and self._is_black()
-        """Whether it is black but for the light that it emits, whose colour and texture are then its own, unlit."""
+        """Whether it is black except for the light that it emits, whose colour and texture are then its own, unlit."""
         if self.only_emits:
             self._replace(emitted, glow)
             self.is_unlit = True
@@ -59,7 +59,7 @@ class Material:
             if emits:
                 document.resolver.add_note("light that a material emits is left out: its base colour is drawn")
         if mode == "MASK":
-            self.alpha_cutoff = max(float(entry.get("alphaCutoff", 0.5)), 0.0)  # above 1 nothing is left
+            self.alpha_cutoff = max(float(entry.get("alphaCutoff", 0.5)), 0.0)  # above 1 nothing is visible
         self.back: Back = "lit" if entry.get("doubleSided") is True else "hidden"
         transmitted = self._transmitted()
         self.is_see_through = mode == "BLEND" or transmitted > 0
@@ -71,12 +71,12 @@ class Material:
         self._transform: dict[str, Any] = (texture or {}).get("extensions", {}).get("KHR_texture_transform", {})
         channel = self._transform.get("texCoord", (texture or {}).get("texCoord", 0))
         self.texcoord = "" if texture is None else f"TEXCOORD_{channel}"
-        """The attribute that holds the texture's coordinates; empty without a texture."""
+        """The attribute that holds the texture's coordinates; empty if there is no texture."""
 
     def _take_specular(self, glossy: dict[str, Any], diffuse: NDArray[np.float64]) -> None:
-        """Replaces the diffuse colour of a metal, which is black, by its specular colour, with a note."""
+        """Replaces the diffuse colour of a metal, which is black, with its specular colour, and adds a note."""
         texture = glossy.get("specularGlossinessTexture")
-        # By default specular is a mirror: a file that leaves it out has meant its diffuse colour.
+        # The default specular colour is a mirror's: a file that leaves it out must mean its diffuse colour.
         specular = _read_linear(glossy.get("specularFactor", (0, 0, 0) if texture is None else (1, 1, 1)))
         if specular.max(initial=0) <= METAL:
             return
@@ -86,8 +86,8 @@ class Material:
             self._replace(np.maximum(diffuse, specular), None)
         else:
             self._document.resolver.add_note(
-                "KHR_materials_pbrSpecularGlossiness: specular colours in textures, or beside them, are left out, so "
-                "that metals may be dark; export it with metallic-roughness materials"
+                "KHR_materials_pbrSpecularGlossiness: specular colours in textures, or combined with textures, are "
+                "left out, so metals may be dark; export it with metallic-roughness materials"
             )
             return
         self._document.resolver.add_note(
@@ -95,7 +95,7 @@ class Material:
         )
 
     def _read_emitted(self, entry: dict[str, Any]) -> NDArray[np.float64]:
-        """The emitted light, linear; over 1 it is scaled down, so that its hue stays."""
+        """Reads the emitted light, linear. Light over 1 is scaled down, so that its hue stays the same."""
         given = self.extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
         strength = float(np.clip(np.nan_to_num(float(given)), 0.0, _MAX_STRENGTH))
         emitted = np.clip(_read_linear(entry.get("emissiveFactor", (0, 0, 0)))[:3], 0.0, 1.0) * strength
@@ -103,19 +103,19 @@ class Material:
         return brightest
 
     def _replace(self, color: NDArray[np.float64], texture: dict[str, Any] | None) -> None:
-        """Replaces the base colour by a linear one, but for its alpha, and its texture."""
+        """Replaces the base colour, except for its alpha, with a linear one, and replaces the texture."""
         red, green, blue = (float(value) for value in encode_srgb(color))
         self.color = red, green, blue, self.color[3]
-        if self._has_alpha and self._texture != texture:  # only a base texture's fourth channel is alpha
+        if self._has_alpha and self._texture != texture:  # only the fourth channel of a base texture is alpha
             self._texture_has_alpha = False
             if self._texture is not None:
                 self._document.resolver.add_note(
-                    "the alpha of a texture is left out, as that is black: the specular colour is drawn"
+                    "the alpha of a black texture is left out: the specular colour is drawn instead"
                 )
         self._take_texture(texture)
 
     def _is_black(self) -> bool:
-        """Whether its base colour, or the texture of that, is black throughout."""
+        """Checks whether the base colour or its texture is black everywhere."""
         if self._texture is None or not any(self.color[:3]):
             return not any(self.color[:3])
         known, index = self._document.black_textures, self._texture["index"]
@@ -125,25 +125,25 @@ class Material:
         return known[index]
 
     def _transmitted(self) -> float:
-        """The share of the light from behind that `KHR_materials_transmission` lets through, with a note."""
+        """Returns the share of light from behind that `KHR_materials_transmission` lets through, and adds a note."""
         transmission = self.extensions.get("KHR_materials_transmission", {})
         factor = min(float(transmission.get("transmissionFactor", 0.0)), 1.0)
         if not factor > 0 or self.alpha_cutoff is not None:  # NaN too
             return 0.0
         self._document.resolver.add_note(
-            "KHR_materials_transmission is drawn as see-through, darker colours as hiding more; without refraction"
+            "KHR_materials_transmission is drawn as transparency without refraction; darker colours hide more"
         )
         luma = 0.2126 * self.color[0] + 0.7152 * self.color[1] + 0.0722 * self.color[2]
         return TRANSMITTED * factor * luma
 
     def texture(self, arrays: dict[str, NDArray[Any]]) -> tuple[Texture | None, NDArray[np.float64] | None]:
-        """The base colour's texture, and its coordinates `(n, 2)` with the origin at the lower left."""
+        """Returns the base colour's texture, and its coordinates `(n, 2)` with the origin at the lower left."""
         if self.texcoord not in arrays:
             if self._texture is not None:
                 self._document.resolver.add_note("a texture without texture coordinates is left out")
             return None, None
         uv = arrays[self.texcoord]
-        # Without the extension integers are normalised, whether the accessor says so or not.
+        # Without the extension integers are normalised, even if the accessor doesn't say so.
         if "KHR_mesh_quantization" not in self._document.json.get("extensionsUsed", ()):
             uv = normalise(uv)
         uv = uv.astype(np.float64)
@@ -155,7 +155,7 @@ class Material:
         entry = document.item("textures", self._texture["index"])
         source = _find_source(entry)
         if source is None:
-            document.resolver.add_note("a texture that is no PNG, JPEG, WebP or KTX2 is left out; export it as one")
+            document.resolver.add_note("a texture that is not PNG, JPEG, WebP or KTX2 is left out; export it as PNG")
             return None
         sampler = document.item("samplers", entry["sampler"]) if "sampler" in entry else {}
         image = document.item("images", source)
@@ -176,22 +176,22 @@ class Material:
 
 
 def _read_linear(factor: Any) -> NDArray[np.float64]:
-    """A colour of the file, without NaN, which JSON as Python reads it may have."""
+    """Reads a colour of the file. NaN, which Python's JSON parser accepts, becomes 0."""
     return np.nan_to_num(np.array(factor, np.float64))
 
 
 def _find_source(texture: dict[str, Any]) -> Any:
-    """The number of a texture's image: WebP first, Basis Universal last, since that is lossy and may need a package."""
+    """Returns the index of a texture's image: WebP first, Basis Universal last: it is lossy and may need a package."""
     extensions = texture.get("extensions", {})
     places = extensions.get("EXT_texture_webp", {}), texture, extensions.get("KHR_texture_basisu", {})
     return next((place["source"] for place in places if "source" in place), None)
 
 
 def _transform_uv(uv: NDArray[np.float64], transform: dict[str, Any]) -> NDArray[np.float64]:
-    """KHR_texture_transform on glTF's own coordinates (origin at the upper left): offset + rotation x scale x uv."""
+    """Applies KHR_texture_transform to glTF's coordinates (origin at upper left): offset + rotation x scale x uv."""
     scaled = uv * np.array(transform.get("scale", (1, 1)), np.float64)
     angle = float(transform.get("rotation", 0.0))
-    # Counter-clockwise where v goes down, as sample models and viewers have it; the extension's GLSL is clockwise
+    # Counter-clockwise with v pointing down, as in sample models and viewers; the extension's GLSL is clockwise
     # (KhronosGroup/glTF issue 1563).
     rotation = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     turned: NDArray[np.float64] = scaled @ rotation.T + np.array(transform.get("offset", (0, 0)), np.float64)

@@ -1,6 +1,6 @@
 """Decodes buffer views of EXT_meshopt_compression and KHR_meshopt_compression (appendices A and B of both).
 
-Attributes by imagecodecs, which has meshoptimizer's decoder of vertices alone: indices and filters are decoded here.
+imagecodecs decodes attributes. It has only meshoptimizer's vertex decoder, so indices and filters are decoded here.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ NAMES = ("KHR_meshopt_compression", "EXT_meshopt_compression")
 _TRIANGLES, _INDICES = 0xE1, 0xD1  # first bytes
 _TABLE_BYTES, _PADDING_BYTES = 16, 4  # last bytes
 _MOST_STRIDE = 256
-_UNSET = 0xFFFFFFFF  # no vertex: a stream that reads it is refused as it names a vertex that is not there
+_UNSET = 0xFFFFFFFF  # no vertex: a stream that reads it is refused, because this vertex doesn't exist
 
 
 def decode(data: bytes, *, count: int, stride: int, mode: str, filter_: str) -> NDArray[Any]:
-    """`count` elements of `stride` bytes. Raises any error where the data is corrupt."""
+    """Decodes `count` elements of `stride` bytes. Raises any type of error if the data is corrupt."""
     if count < 1:
         raise ValueError("meshopt data of no elements")
     if mode == "ATTRIBUTES":
-        if stride % 4 or not 0 < stride <= _MOST_STRIDE:  # imagecodecs divides by it, and has room for no more
+        if stride % 4 or not 0 < stride <= _MOST_STRIDE:  # imagecodecs divides by the stride, and has no room for more
             raise ValueError("meshopt attributes of a wrong stride")
         import imagecodecs
 
@@ -37,14 +37,14 @@ def decode(data: bytes, *, count: int, stride: int, mode: str, filter_: str) -> 
 
 
 def decode_triangles(data: bytes, count: int) -> NDArray[np.uint32]:
-    """`count` indices of triangles from a stream of mode TRIANGLES."""
+    """Decodes `count` indices of triangles from a stream of mode TRIANGLES."""
     triangles = count // 3
     start, table = 1 + triangles, data[-_TABLE_BYTES:]
     if data[0] != _TRIANGLES or count % 3 or len(data) < start + _TABLE_BYTES:
         raise ValueError("meshopt triangles are corrupt")
     extra = iter(data[start:-_TABLE_BYTES])
     found = np.empty((triangles, 3), np.uint32)
-    edges, vertices = [(_UNSET, _UNSET)] * 16, [_UNSET] * 16  # rings; the newest lies before `edge` and `vertex`
+    edges, vertices = [(_UNSET, _UNSET)] * 16, [_UNSET] * 16  # rings; the newest entry is before `edge` and `vertex`
     edge = vertex = following = last = 0
 
     def read_index() -> int:
@@ -53,7 +53,7 @@ def decode_triangles(data: bytes, count: int) -> NDArray[np.uint32]:
         return last
 
     def choose(nibble: int) -> tuple[int, bool]:
-        """A corner, and whether it is new to the ring of vertices."""
+        """Returns a corner, and whether it is new to the ring of vertices."""
         nonlocal following
         if nibble == 0:
             following += 1
@@ -98,7 +98,7 @@ def decode_triangles(data: bytes, count: int) -> NDArray[np.uint32]:
 
 
 def _read_varint(data: Iterator[int]) -> int:
-    """An unsigned LEB128 number of up to five bytes."""
+    """Reads an unsigned LEB128 number of up to five bytes."""
     value = 0
     for shift in range(0, 35, 7):
         byte = next(data)
@@ -113,7 +113,7 @@ def _unzigzag(value: int) -> int:
 
 
 def decode_indices(data: bytes, count: int) -> NDArray[np.uint32]:
-    """`count` indices from a stream of mode INDICES: each a difference to the last one of one of two sequences."""
+    """Decodes `count` indices from a stream of mode INDICES: differences to the last index of one of two sequences."""
     stored = np.frombuffer(data, np.uint8)[1:-_PADDING_BYTES].astype(np.int64)
     ends = np.flatnonzero(stored < 0x80)  # of the LEB128 numbers
     starts = np.concatenate([[0], ends[:-1] + 1])
@@ -132,7 +132,7 @@ def decode_indices(data: bytes, count: int) -> NDArray[np.uint32]:
 
 
 def _filter_octahedral(rows: NDArray[np.uint8]) -> NDArray[Any]:
-    """Unit vectors from octahedral coordinates x, y; the third component holds 1.0, the fourth is kept."""
+    """Decodes unit vectors from octahedral coordinates x, y. The third component holds 1.0, the fourth is kept."""
     stored = rows.view(f"<i{rows.shape[1] // 4}")  # (n, 4)
     x, y, one = (stored[:, axis].astype(np.float32) for axis in range(3))
     x, y = x / one, y / one
@@ -145,7 +145,7 @@ def _filter_octahedral(rows: NDArray[np.uint8]) -> NDArray[Any]:
 
 
 def _filter_quaternion(rows: NDArray[np.uint8]) -> NDArray[Any]:
-    """Unit quaternions from three components; the fourth value holds 1.0, and in two bits which one is left out."""
+    """Decodes unit quaternions from three components. The fourth value holds 1.0 and, in two bits, the missing one."""
     stored = rows.view("<i2")  # (n, 4)
     xyz = stored[:, :3] / (stored[:, 3:] | 3).astype(np.float32) / np.sqrt(np.float32(2))
     w = np.sqrt(np.maximum(0, 1 - np.square(xyz).sum(axis=1)))
@@ -156,14 +156,14 @@ def _filter_quaternion(rows: NDArray[np.uint8]) -> NDArray[Any]:
 
 
 def _filter_exponential(rows: NDArray[np.uint8]) -> NDArray[Any]:
-    """Floats from signed exponents of 8 bits and mantissas of 24."""
+    """Decodes floats from signed exponents of 8 bits and mantissas of 24 bits."""
     stored = rows.view("<i4")
     values: NDArray[np.float32] = np.ldexp((stored << 8 >> 8).astype(np.float32), stored >> 24)
     return values
 
 
 def _filter_color(rows: NDArray[np.uint8]) -> NDArray[Any]:
-    """RGBA from Y, Co, Cg of K bits; alpha has K - 1 bits and a bit above them, which gives K."""
+    """Decodes RGBA from Y, Co, Cg of K bits. Alpha has K - 1 bits and one bit above them, which gives K."""
     size = rows.shape[1] // 4
     y, co, cg, alpha = rows.view(f"<i{size}").astype(np.int32).T
     y, alpha = (values & (1 << 8 * size) - 1 for values in (y, alpha))

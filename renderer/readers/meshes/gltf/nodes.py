@@ -24,9 +24,9 @@ _UNMOVED = {"TRANSLATION": (0, 0, 0), "ROTATION": (0, 0, 0, 1), "SCALE": (1, 1, 
 def walk_nodes(
     document: Document, moved: Mapping[int, dict[str, Any]], root: NDArray[np.float64]
 ) -> Iterator[tuple[int, dict[str, Any], NDArray[np.float64]]]:
-    """The number of each node of the scene, the node, and its matrix to the coordinates of `root`; parents first.
+    """Yields the index of each node of the scene, the node, and its matrix to the coordinates of `root`; parents first.
 
-    `moved`: properties that replace those of nodes, as `animations.sample_nodes` finds them.
+    `moved` holds properties that replace those of nodes, as `animations.sample_nodes` finds them.
     """
     scenes = document.json.get("scenes")
     if scenes:
@@ -35,7 +35,7 @@ def walk_nodes(
         roots = scene.get("nodes", [])
         if len(scenes) > 1:
             titled = clean_text(str(scene.get("name", number)))[:40]
-            document.resolver.add_note(f"of {len(scenes)} scenes the file's default, {titled}, is drawn alone")
+            document.resolver.add_note(f"of {len(scenes)} scenes only the file's default, {titled}, is drawn")
     else:
         nodes = document.json.get("nodes", [])
         children = {child for node in nodes for child in node.get("children", [])}
@@ -46,21 +46,21 @@ def walk_nodes(
         index, parent, is_shown = waiting.pop()
         node = document.item("nodes", index)
         if index in seen:
-            raise Unreadable(f"{document.name}: node {index} has two parents or is its own; export it again")
+            raise Unreadable(f"{document.name}: node {index} has two parents or is its own ancestor; export it again")
         seen.add(index)
         if len(seen) > MAX_NODES:
-            raise TooLarge(f"{document.name}: over {MAX_NODES:,} nodes, which is the most that is read; join them")
+            raise TooLarge(f"{document.name}: over {MAX_NODES:,} nodes, which is the limit; join them")
         node = node | moved.get(index, {})
         matrix = parent @ local_matrix(node)
         is_shown &= node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible") is not False
-        if not is_shown:  # it may be a joint or a camera all the same
+        if not is_shown:  # it may still be a joint or a camera
             node.pop("mesh", None)
         yield index, node, matrix
         waiting += [(child, matrix, is_shown) for child in reversed(node.get("children", []))]
 
 
 def local_matrix(node: dict[str, Any]) -> NDArray[np.float64]:
-    """A node's own 4x4 matrix: from the file (column-major), or translation x rotation x scale."""
+    """Returns a node's own 4x4 matrix: from the file (column-major), or translation x rotation x scale."""
     if "matrix" in node:
         return np.array(node["matrix"], np.float64).reshape(4, 4).T
     parts = [np.array([node.get(name.lower(), unmoved)], np.float64) for name, unmoved in _UNMOVED.items()]
@@ -71,7 +71,7 @@ def local_matrix(node: dict[str, Any]) -> NDArray[np.float64]:
 def compose_matrices(
     translations: NDArray[np.float64], rotations: NDArray[np.float64], scales: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """`(k, 4, 4)` of translations `(k, 3)`, rotations `(k, 4)`, quaternions of any length, and scales `(k, 3)`."""
+    """Composes matrices `(k, 4, 4)` from translations `(k, 3)`, quaternions `(k, 4)` of any length, scales `(k, 3)`."""
     x, y, z, w = rotations.T
     length = np.square(rotations).sum(axis=1)
     s = np.divide(2.0, length, out=np.zeros_like(length), where=length > 0)
@@ -92,9 +92,9 @@ def compose_matrices(
 def place_instances(
     document: Document, node: dict[str, Any], matrix: NDArray[np.float64], most: int
 ) -> NDArray[np.float64]:
-    """`(k, 4, 4)`: the node's matrix, or one for each instance of EXT_mesh_gpu_instancing.
+    """Returns matrices `(k, 4, 4)`: the node's matrix, or one for each instance of EXT_mesh_gpu_instancing.
 
-    Raises `TooLarge` for more than `most` before they are read, `Unreadable` where their attributes differ in length.
+    Raises `TooLarge` for more than `most` before they are read, and `Unreadable` if their attributes differ in length.
     """
     if "EXT_mesh_gpu_instancing" not in node.get("extensions", {}):
         return matrix[None]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.meshes.gltf.document import Document
 
 _WIDTHS = {"POSITION": (3,), "NORMAL": (3,), "COLOR": (3, 4), "TEXCOORD": (2,)}
-"""Numbers for each vertex; 4 of joints and weights."""
+"""The numbers for each vertex that an attribute may have. Joints and weights have 4."""
 
 
 def read_primitive(
@@ -31,10 +31,10 @@ def read_primitive(
     weights: Sequence[tuple[int, float]],
     joints: NDArray[np.float64] | None,
 ) -> Surface | None:
-    """The surface of a primitive in its mesh's coordinates; None for points and lines, with a note.
+    """Reads the surface of a primitive in its mesh's coordinates. Returns None, with a note, for points and lines.
 
-    `weights`: numbers of morph targets, and their weights. `joints`: matrices of the skin's joints `(m, 4, 4)`, which
-    put the surface into the scene's coordinates.
+    `weights` holds the indices of morph targets and their weights. `joints` holds the matrices of the skin's joints
+    `(m, 4, 4)`, which transform the surface to the scene's coordinates.
     """
     mode = primitive.get("mode", 4)
     if mode not in {4, 5, 6}:
@@ -82,7 +82,7 @@ def read_primitive(
 def _read_arrays(
     document: Document, primitive: dict[str, Any], wanted: Sequence[str], mode: int
 ) -> tuple[dict[str, NDArray[Any]], NDArray[np.int64]]:
-    """The attributes that are `wanted`, as far as there are any, and the faces `(m, 3)`; Draco gives others too."""
+    """Reads the `wanted` attributes that exist, and the faces `(m, 3)`. Draco data also gives other attributes."""
     arrays: dict[str, NDArray[Any]] = {}
     attributes = primitive["attributes"]
     compressed = primitive.get("extensions", {}).get("KHR_draco_mesh_compression")
@@ -115,7 +115,7 @@ def _read_arrays(
 
 
 def _decode_draco(document: Document, extension: dict[str, Any]) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
-    """A Draco-compressed primitive: faces `(m, 3)`, and `(n, width)` for each attribute that it compresses."""
+    """Decodes a Draco-compressed primitive: faces `(m, 3)`, and `(n, width)` for each attribute that it compresses."""
     import DracoPy
 
     try:
@@ -124,7 +124,7 @@ def _decode_draco(document: Document, extension: dict[str, Any]) -> tuple[NDArra
         raise Unreadable(f"{document.name}: its Draco data is corrupt; export it again") from error
     stored = {entry["unique_id"]: np.asarray(entry["data"]) for entry in mesh.attributes}
     if getattr(mesh, "faces", None) is None:
-        raise Unreadable(f"{document.name}: its Draco data holds points alone; give a mesh with a surface")
+        raise Unreadable(f"{document.name}: its Draco data holds only points; give a mesh with a surface")
     faces = np.asarray(mesh.faces).astype(np.int64).reshape(-1, 3)
     return faces, {str(name): stored[unique] for name, unique in extension["attributes"].items()}
 
@@ -136,7 +136,7 @@ def _morph(
     vertices: NDArray[np.float64],
     normals: NDArray[np.float64] | None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-    """Vertices and normals `(n, 3)` with `weight` times the differences of a morph target added (section 3.7.2.2)."""
+    """Adds `weight` times the differences of a morph target to vertices and normals `(n, 3)` (section 3.7.2.2)."""
     if any(name.startswith(("COLOR_", "TEXCOORD_")) for name in target):
         document.resolver.add_note("morph targets of colours and texture coordinates are left out")
     if "POSITION" in target:
@@ -153,7 +153,7 @@ def _read_differences(document: Document, index: object, count: int) -> NDArray[
 
 
 def _stored(document: Document, index: object, what: str) -> NDArray[Any]:
-    """An accessor that has data: one without would be zeros, which make no surface."""
+    """Reads an accessor that must have data: without data it would be zeros, which make no surface."""
     entry = document.item("accessors", index)
     if "bufferView" not in entry and "sparse" not in entry:
         raise Unreadable(f"{document.name}: accessor {index}, of {what}, has no data; export it again")

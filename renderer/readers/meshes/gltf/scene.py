@@ -28,18 +28,18 @@ if TYPE_CHECKING:
     from ciir.renderer.surface import Surface
 
 MAX_PRIMITIVES = 200_000
-"""Most primitives in all nodes and instances together: many can share one mesh of many primitives."""
+"""The most primitives in all nodes and instances together: many nodes can share one mesh with many primitives."""
 
 
 def read(
     data: bytes, *, name: str, resolver: Resolver, limits: Limits, pose: MeshPose = AS_STORED
 ) -> tuple[list[Surface], Lens | None]:
-    """All triangles of a `.glb` or `.gltf` file's scene in its world coordinates, material by material; or in a
-    camera's coordinates, with its lens.
+    """Reads all triangles of a `.glb` or `.gltf` file's scene, material by material: in world coordinates, or, if
+    `pose` selects a camera, in the camera's coordinates, with its lens.
 
-    Raises what `document.parse` does; `InvalidOption` for a `pose` that the file doesn't have; `Unreadable` for
-    references to nothing; `TooLarge` over `limits`, `MAX_NODES` or `MAX_PRIMITIVES`; an error of Python's where the
-    JSON does not have the shape of glTF.
+    Raises the errors of `document.parse`; `InvalidOption` for a `pose` that the file doesn't have; `Unreadable` for
+    references to missing items; `TooLarge` over `limits`, `MAX_NODES` or `MAX_PRIMITIVES`; or a built-in Python error
+    if the JSON doesn't have the structure of glTF.
     """
     document = parse(data, name=name, resolver=resolver, max_triangles=limits.triangles)
     moved = {} if pose.time is None else sample_nodes(document, pose.time, pose.animation)
@@ -53,14 +53,14 @@ def read(
 def find_surfaces(
     document: Document, moved: Mapping[int, dict[str, Any]], root: NDArray[np.float64]
 ) -> Iterator[tuple[Surface | None, NDArray[np.float64]]]:
-    """The surface of each primitive and the matrices `(k, 4, 4)` of its instances; raises as `read` does.
+    """Yields the surface of each primitive and the matrices `(k, 4, 4)` of its instances. Raises as `read` does.
 
-    `moved` and `root`: as for `nodes.walk_nodes`.
+    `moved` and `root` are as in `nodes.walk_nodes`.
     """
     nodes = list(walk_nodes(document, moved, root))
     world = {index: matrix for index, _, matrix in nodes}
     primitives: dict[tuple[int, int | None, int | None, int], Surface | None] = {}
-    weights: dict[int, list[tuple[int, float]]] = {}  # of a mesh
+    weights: dict[int, list[tuple[int, float]]] = {}  # by mesh
     skins: dict[int, NDArray[np.float64] | None] = {}
     placed = 0
     for index, node, matrix in nodes:
@@ -73,12 +73,11 @@ def find_surfaces(
             skins[skin] = find_joint_matrices(document, skin, world)
         joints = None if skin is None else skins[skin]
         if joints is not None:
-            matrices = np.eye(4)[None]  # joints alone place a skinned mesh
+            matrices = np.eye(4)[None]  # only its joints place a skinned mesh
         placed += max(1, len(mesh["primitives"])) * len(matrices)
         if placed > MAX_PRIMITIVES:
             raise TooLarge(
-                f"{document.name}: over {MAX_PRIMITIVES:,} primitives in its nodes, which is the most that is read; "
-                "join them"
+                f"{document.name}: over {MAX_PRIMITIVES:,} primitives in its nodes, which is the limit; join them"
             )
         if node["mesh"] not in weights:
             weights[node["mesh"]] = _find_nonzero(mesh.get("weights", ()))
@@ -92,5 +91,5 @@ def find_surfaces(
 
 
 def _find_nonzero(weights: Any) -> list[tuple[int, float]]:
-    """The numbers of morph targets that have a weight, and their weights."""
+    """Returns the indices of the morph targets whose weight is not 0, and their weights."""
     return [(target, float(weight)) for target, weight in enumerate(weights) if weight]

@@ -22,9 +22,9 @@ _VERTICES_PER_BATCH = 1 << 16
 def find_joint_matrices(
     document: Document, index: object, world: Mapping[int, NDArray[np.float64]]
 ) -> NDArray[np.float64] | None:
-    """`(joints, 4, 4)`: from the skin's mesh as it was modelled to where each joint takes it.
+    """Returns matrices `(joints, 4, 4)` from the skin's mesh as it was modelled to where each joint moves it.
 
-    `world`: the matrices of the scene's nodes. None, with a note, where a joint is none of them.
+    `world` holds the matrices of the scene's nodes. Returns None, with a note, if a joint is not one of them.
     """
     skin = document.item("skins", index)
     joints = skin["joints"]
@@ -48,10 +48,10 @@ def bend(
     weights: NDArray[Any],
     matrices: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None, bool]:
-    """Vertices and normals `(n, 3)` moved by the weighted mean of the matrices `(m, 4, 4)` of their joints `(n, k)`.
+    """Moves vertices and normals `(n, 3)` by the weighted mean of the matrices `(m, 4, 4)` of their joints `(n, k)`.
 
-    Weights `(n, k)` are scaled to a sum of 1; a vertex without any follows its first joint. Normals follow the
-    cofactors. Also returns whether most vertices are mirrored, which reverses the winding of faces.
+    Weights `(n, k)` are scaled to a sum of 1; a vertex without weights follows its first joint. Normals are transformed
+    by the cofactors. Also returns whether most vertices are mirrored, which reverses the winding of faces.
     """
     if joints.shape != weights.shape or joints.max(initial=0) >= len(matrices):
         raise IndexError("a vertex names a joint that is not there")

@@ -329,7 +329,7 @@ def test_small_arrays_are_no_pictures(kind, small):
 
 def test_only_a_picture_is_a_raw_lenslet_picture():
     views = np.zeros((3, 3, 20, 30, 3), np.uint8)
-    with pytest.raises(InvalidOption, match=r"lens_pitch: this is for one raw lenslet picture, and a\.npz is none"):
+    with pytest.raises(InvalidOption, match=r"lens_pitch: this is for one raw lenslet picture, and a\.npz is not one"):
         read(save_npz(LF=views), "a.npz", lens_grid=Known())
 
 

@@ -31,5 +31,5 @@ def test_it_is_read_as_hdf5(name: str, size: int, block: bytes, options: dict[st
 
 
 def test_another_suffix_is_refused() -> None:
-    with pytest.raises(UnsupportedType, match=r"the suffix is of PNG but the content is of (MAT|HDF5); rename it"):
+    with pytest.raises(UnsupportedType, match=r"the suffix is that of PNG but the content is (MAT|HDF5); rename it"):
         inputs.read(Bundle("a.png", "a.png", {"a.png": make_hdf5(512, b"")}))

@@ -78,7 +78,7 @@ def test_a_frame_of_a_video_named_as_a_quilt_is_one(number):
     found = inputs.read(Bundle.from_upload("a_qs3x2a0.5.mkv", make()), Layout(frame=number))
     assert np.array_equal(found.views[0], split_quilt(FRAMES[number], QuiltLayout(3, 2, 0.5), name="a"))
     assert (found.depth_sense, found.pixel_aspect) == ("cameras", 0.5)  # views of 8x8 pixels
-    assert found.notes[0].startswith(f"frame {number} of the video is read, a quilt as its name")
+    assert found.notes[0].startswith(f"frame {number} is read as a quilt, as the video's name")
     assert found.notes[1] == "read as a quilt of 3 columns and 2 rows of views"
 
 

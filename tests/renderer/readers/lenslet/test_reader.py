@@ -157,7 +157,7 @@ def test_an_elemental_image_array_without_a_grid_of_lenses_is_called_one(scene, 
             "pixels: 11x11 are more than lenses of 9.30 pixels have; give at most 10x10",
         ),
         ({"raw": RAW, "white": WHITE[:50]}, {}, "white: the white picture has 50x180 .*, the raw one 150x180"),
-        ({"a": RAW, "b": RAW}, {}, "lens_pitch: this is for one raw lenslet picture, and a.zip is none"),
+        ({"a": RAW, "b": RAW}, {}, "lens_pitch: this is for one raw lenslet picture, and a.zip is not one"),
     ],
 )
 def test_what_does_not_fit_is_refused(files, layout, message):
@@ -194,7 +194,7 @@ def test_a_white_picture_may_have_other_bits():
 
 
 def test_a_mesh_is_no_raw_picture():
-    with pytest.raises(InvalidOption, match=r"lens_pitch: this is for one raw lenslet picture, and a\.off is none"):
+    with pytest.raises(InvalidOption, match=r"lens_pitch: this is for one raw lenslet picture, and a\.off is not one"):
         read(Bundle("a.off", "a.off", {"a.off": CUBE}), Layout(lens_grid=KNOWN))
 
 

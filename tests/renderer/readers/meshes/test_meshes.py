@@ -211,7 +211,7 @@ def test_memory_that_runs_out_is_reported_in_one_line(monkeypatch: pytest.Monkey
 def test_poses_are_for_formats_that_have_them(pose: MeshPose) -> None:
     off = SUFFIXES[".off"]
     with pytest.raises(
-        InvalidOption, match=r"time, animation, camera: only those of glTF files are read, and a\.off is OFF; leave"
+        InvalidOption, match=r"time, animation, camera: these apply only to glTF files, and a\.off is OFF; leave"
     ):
         read_mesh(".off", SAMPLES[off][0], pose=pose)
     with pytest.raises(InvalidOption, match="time, animation, camera: scene:vase holds no animations and no cameras"):

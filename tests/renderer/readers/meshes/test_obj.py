@@ -93,7 +93,7 @@ def test_the_only_material_file_is_used_where_the_mesh_names_none_that_is_there(
     text = line + TEXTURED.partition(b"\n")[2]
     scene = read(text, {"b.MTL": b"newmtl a\nKd 1 0 0"})
     assert scene.parts[0].colors[0, 1] == 0
-    assert scene.notes == ("no material file that the mesh names is there: m/b.MTL is used, the only one",)
+    assert scene.notes == ("the mesh's material files are missing: m/b.MTL, the only one found, is used",)
     for others in ({"b.mtl": b"newmtl c"}, {"b.mtl": b"newmtl a", "c.mtl": b"newmtl a"}):
         assert read(text, others).notes[-1] == "material a is missing: drawn light grey"
 

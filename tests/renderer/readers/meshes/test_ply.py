@@ -143,7 +143,7 @@ def test_several_textures(with_vertices: bool) -> None:
         assert part.colors[0, 0] == pytest.approx(FRONT)
     assert scene.notes == (
         "texture gone.png is missing and is left out; give a zip that holds it",
-        "faces of textures that the header doesn't name are drawn without one",
+        "faces whose texture the header doesn't name are drawn without one",
     )
 
 
@@ -151,7 +151,7 @@ def test_faces_that_name_none_of_several_textures_have_the_first() -> None:
     vertex = XYZ + "property float s\nproperty float t\n"
     scene = read(ascii_square(vertex, [f"{row} {row[:3]}" for row in PLAIN_ROWS], comment=SEVERAL))
     assert scene.parts[0].texture is not None
-    assert scene.notes == ("x.png is on all faces, as none names one of 3 textures",)
+    assert scene.notes == ("x.png is used for all faces, as none names one of 3 textures",)
 
 
 def test_a_face_of_one_of_several_textures_that_names_no_vertex_is_refused() -> None:

@@ -47,7 +47,7 @@ def test_the_only_file_of_a_name_is_found_in_any_folder_and_case() -> None:
     resolver = Resolver({"source/a.obj": b"", "textures/Skin.PNG": b"1", "other/skin.jpg": b"2"}, "source/a.obj")
     for name in ("skin.png", "tex/SKIN.png", r"C:\work\skin.png", "../../skin.png"):
         assert resolver.find_or_note(name, "texture") == b"1"
-    assert resolver.notes[0] == "skin.png is not there; textures/Skin.PNG is used, the only file of that name"
+    assert resolver.notes[0] == "skin.png is missing; textures/Skin.PNG, the only file of that name, is used"
 
 
 @pytest.mark.parametrize("stored", ["NFC", "NFD"])

@@ -86,7 +86,7 @@ def test_sizes_are_checked_before_pixels_are_decoded(name: str, data: bytes, mon
 def test_a_gif_whose_picture_is_larger_than_its_screen() -> None:
     pixels, notes = load("a.gif", GIF[:6] + struct.pack("<HH", 3, 3) + GIF[10:])
     assert pixels is None
-    assert "reaches out of its 3x3 pixels; save it again" in notes[0]
+    assert "extends beyond its 3x3 pixels; save it again" in notes[0]
 
 
 @pytest.mark.parametrize("kind", ["BMP", "TGA", "GIF"])
@@ -103,7 +103,7 @@ def test_run_lengths_of_bmp() -> None:
         "<IiiHHIIiiII", 40, 5, 7, 1, 8, 1, 9, 0, 0, 256, 0
     )
     _, notes = load("a.bmp", header + bytes(1024) + b"\5\1\0\0" * 7)
-    assert "a BMP of run lengths; save it uncompressed, or as PNG" in notes[0]
+    assert "a run-length encoded BMP; save it uncompressed, or as PNG" in notes[0]
 
 
 @pytest.mark.parametrize("kind", ["BMP", "TGA", "GIF"])

@@ -76,7 +76,7 @@ def test_colours_with_alpha_are_see_through(index: int, alpha: float) -> None:
 def test_other_materials_are_noted() -> None:
     scene = read(model(OBJECT.format(' pid="7"', "")))
     assert colors(scene) == [[1, 1, 1]] * 3
-    assert scene.notes == ("textures and mixed materials of 3MF are left out: drawn light grey",)
+    assert scene.notes == ("3MF textures and mixed materials are left out: light grey is drawn",)
     assert read(model()).parts[0].colors[0, 0] <= DEFAULT_COLOR[0]
 
 
@@ -137,7 +137,7 @@ def test_a_zip_or_xml_that_swells() -> None:
         (model(build=""), "no triangles"),
         (model(OBJECT.format("", "").replace('v3="2"', 'v3="-1"')), "names vertex -1"),
         (model(OBJECT.format("", "").replace('v3="2"', 'v3="x"')), r"can be read|can't be read"),
-        (model(OBJECT.format("", "").replace('x="2"', 'x="2 2 2 2"')), "number of its mesh can't be read"),
+        (model(OBJECT.format("", "").replace('x="2"', 'x="2 2 2 2"')), "number in its mesh can't be read"),
         (model(MATERIALS + OBJECT.format(' pid="9"', ' p1="4"')), "can be read"),
         (model(OBJECT.format("", "") + ELSEWHERE), "parts in other model files"),
     ],

@@ -188,8 +188,8 @@ def test_the_python_interface_saves_a_video(tmp_path):
 def test_what_makes_no_video_is_refused():
     for wrong, message in (
         ({"views": "cross"}, "3 times make a video of one view, and 5 views are asked for"),
-        ({"animation": "Run"}, "animation: 'Run' is none of a.glb's; give 0"),
-        ({"source": Bundle("a.off", "a.off", {"a.off": CUBE})}, "only those of glTF files are read"),
+        ({"animation": "Run"}, "animation: 'Run' is not in a.glb; give 0"),
+        ({"source": Bundle("a.off", "a.off", {"a.off": CUBE})}, "these apply only to glTF files"),
         ({"source": "vase"}, "holds no animations and no cameras"),
         ({"time": None, "animation": "0"}, "animation: '0' is shown at a time; give time, too"),
     ):

@@ -95,13 +95,13 @@ def test_animations_of_other_properties_are_played_together() -> None:
     model.animate(0, "scale", [0, 1], np.full((2, 3), 2, np.float32))
     scene = model.read(MeshPose(1.0))
     assert scene.bounds().tolist() == [[2, 0, 0], [4, 2, 0]]
-    note = "animation: the first is played, not others that move the same nodes: Jump; animation selects one"
+    note = "animation: the first is played; others that move the same nodes are not (Jump); animation selects one"
     assert scene.notes == (note,)
     for name in ("Jump", "1"):
         jumped = model.read(MeshPose(1.0, animation=name))
         assert jumped.bounds().tolist() == [[2, 4, 0], [3, 5, 0]]  # that one alone
         assert jumped.notes == ()
-    with pytest.raises(InvalidOption, match=r"animation: '7' is none of a\.glb's; give 0, 1 \(Jump\), 2$"):
+    with pytest.raises(InvalidOption, match=r"animation: '7' is not in a\.glb; give 0, 1 \(Jump\), 2$"):
         model.read(MeshPose(1.0, animation="7"))
 
 
@@ -127,7 +127,7 @@ def test_what_can_not_be_played() -> None:
     model = Model()
     model.animate(0, "translation", [0, 1], STEPS[:2])
     model.json["animations"][0]["channels"].append({"sampler": 0, "target": {"path": "pointer"}})
-    assert "animations of other things than nodes are not played" in model.read(MeshPose(0.5)).notes
+    assert "animations of anything other than nodes are not played" in model.read(MeshPose(0.5)).notes
     for times, values, path, message in (
         ([0, 1], STEPS, "translation", "keyframes and values don't fit"),
         ([np.nan, 1], STEPS[:2], "translation", "keyframes and values don't fit"),

@@ -34,8 +34,9 @@ def test_a_camera_that_looks_as_the_array_does() -> None:
     scene = filmed_model().read(MeshPose(camera="0"))
     assert scene.parts[0].vertices == pytest.approx(SQUARE - [3, 4, 5])
     (note,) = scene.notes
-    assert note.startswith("camera 0: its picture fits into the centre view at the subject's distance; what is nearer")
-    assert note.endswith("another size than to the camera, as views have another perspective or none")  # of a quilt
+    assert note.startswith("camera 0: its picture fits into the centre view at the subject's distance; nearer or")
+    # "or none" refers to quilts
+    assert note.endswith("a different size than in the camera's picture, as views have a different perspective or none")
 
 
 @pytest.mark.parametrize("camera", ["1", "Left", "Close-up"])
@@ -68,7 +69,7 @@ def test_what_lies_behind_a_camera_is_left_out() -> None:
     model.json["scenes"][0]["nodes"].append(5)
     scene = model.read(MeshPose(camera="1"))
     assert scene.triangles == 2
-    assert scene.notes[1] == "2 triangles lie behind the camera or out of its range, and are left out"
+    assert scene.notes[1] == "2 triangles lie behind the camera or outside its range, and are left out"
     assert scene.bounds() == pytest.approx(both.bounds(), abs=1e-6)
     model.json["nodes"][2]["translation"] = [5, 0, 0]
     with pytest.raises(InvalidGeometry, match="all of it lies behind the camera; give another camera"):
@@ -97,7 +98,7 @@ def test_a_camera_that_is_animated() -> None:
 
 
 def test_cameras_that_are_not_there() -> None:
-    with pytest.raises(InvalidOption, match=r"camera: 'Rear' is none of a\.glb's; give 0, 1 \(Left\), 2 \(1\)$"):
+    with pytest.raises(InvalidOption, match=r"camera: 'Rear' is not in a\.glb; give 0, 1 \(Left\), 2 \(1\)$"):
         filmed_model().read(MeshPose(camera="Rear"))
     with pytest.raises(InvalidOption, match=r"camera: a\.glb holds no camera; leave it out"):
         Model().read(MeshPose(camera="0"))
@@ -189,4 +190,4 @@ def test_what_a_camera_sees_is_placed_and_turned_about_the_subject(place: float)
 def test_a_camera_that_sees_nothing_has_all_before_it_framed() -> None:
     scene = filmed_model().read(MeshPose(camera="Left"))  # the square edge-on
     assert scene.window is None
-    assert scene.notes[-1] == "the camera's picture shows nothing: all that lies before it is framed"
+    assert scene.notes[-1] == "the camera's picture is empty: everything in front of it is framed"

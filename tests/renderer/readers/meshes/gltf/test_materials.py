@@ -144,7 +144,7 @@ def test_specular_colours_beside_diffuse_textures_are_noted(values: dict[str, ob
     scene = model.read()
     assert np.array_equal(scene.parts[0].texture.pixels[..., :3], PIXELS[..., :3])
     (note,) = scene.notes
-    assert note.startswith(f"{GLOSSY}: specular colours in textures, or beside them, are left out, so that")
+    assert note.startswith(f"{GLOSSY}: specular colours in textures, or combined with textures, are left out, so")
 
 
 def test_an_extension_without_values_replaces_the_base_colour() -> None:
@@ -338,7 +338,7 @@ def test_quantised_texture_coordinates_with_the_transform_that_undoes_it(is_norm
 def test_material_variants_are_noted() -> None:
     model = Model()
     model.json["extensionsUsed"] = ["KHR_materials_variants"]
-    assert model.read().notes == ("KHR_materials_variants: the materials that are drawn are those without a variant",)
+    assert model.read().notes == ("KHR_materials_variants: the materials without a variant are drawn",)
 
 
 def test_materials_whose_backs_differ_are_parts_of_their_own() -> None:

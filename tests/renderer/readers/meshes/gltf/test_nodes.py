@@ -55,7 +55,7 @@ def test_of_several_scenes_the_default_is_drawn_with_a_note() -> None:
     model.json.update(scenes=[{"nodes": [0]}, {"nodes": [1], "name": "Far"}], scene=1)
     scene = model.read()
     assert scene.parts[0].vertices[:, 0].min() == 3
-    assert scene.notes == ("of 2 scenes the file's default, Far, is drawn alone",)
+    assert scene.notes == ("of 2 scenes only the file's default, Far, is drawn",)
 
 
 def test_an_empty_list_of_scenes_counts_as_none() -> None:
