@@ -41,7 +41,7 @@ PSNR without exact results; pareto.png has geometric means of times and root mea
 
 @dataclass(frozen=True)
 class BenchOptions:
-    """What is measured."""
+    """The inputs, arrays and number of rounds to measure."""
 
     sources: Mapping[str, Source] = field(default_factory=lambda: {name: name for name in SCENES})
     """Name -> scene, mesh, elemental image array or set of views."""

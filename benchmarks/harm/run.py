@@ -37,7 +37,7 @@ LINES = 15
 
 @dataclass(frozen=True)
 class HarmOptions:
-    """What is measured."""
+    """The inputs, arrays and model to measure."""
 
     sources: Mapping[str, Source] = field(default_factory=dict)
     """Name -> mesh, elemental image array or set of views, beyond those that ship. Names of scenes add nothing."""

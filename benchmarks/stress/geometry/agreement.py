@@ -29,7 +29,7 @@ BAND = 1 / 128
 """The distance from a sample, in pixels, within which edges are looked for with raster: the power of two above `SNAP`,
 doubled."""
 FLOAT_BAND = 1 / 1024
-"""The same for rays cast in float32: a hundred times as far as its roundings move an edge."""
+"""The band for rays cast in float32: a hundred times as far as their roundings move an edge."""
 STEP = 16.0
 """The least difference in levels between two samples that counts as an edge between them."""
 RASTER_LEVELS = 3.0

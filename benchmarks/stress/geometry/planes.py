@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 GRIDS = ((1, 1), (1, 5), (5, 5), (4, 7))
 DISPARITIES = (-3.3, -0.5, 0.0, 0.01, 1.0, 2.75)
-"""In pixels a view."""
+"""Disparities in pixels a view."""
 BOUND = 1e-6
-"""For views from 0 to 1 in float32."""
+"""The largest error for views from 0 to 1 in float32."""
 
 
 def depth_planes(effort: Effort) -> Iterator[Found | Skipped]:

@@ -21,7 +21,7 @@ _SQUARE = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
 
 
 def compute_ramp(x: Values, y: Values, side: float) -> Values:
-    """Returns a colour `(..., 3)` in [0, 1] that is linear in the position, so that any triangulation shows it exactly."""
+    """Returns a colour `(..., 3)` in [0, 1] that is linear in the position: any triangulation shows it exactly."""
     return np.stack(np.broadcast_arrays(x / side + 0.5, y / side + 0.5, 0.5), axis=-1)
 
 

@@ -91,7 +91,7 @@ def slivers(effort: Effort) -> Iterator[Found | Skipped]:
     for count in (1000,) if effort.quick else (1000, 100_000, 1_000_000):
         disc = shapes.make_needles(count, radius=30.0, distance=20.0)
         aspect = count / (2 * np.pi)
-        # Rounding to 8 bits, and weights that are quotients by an area: as much worse in float32 as it is longer.
+        # Rounding to 8 bits, and weights divided by an area: as much worse in float32 as the needle is longer.
         bound = 0.5 + 127.5 * 2.0**-24 * max(aspect, 1000.0)
         backends, skipped = open_backends("needles")
         yield from skipped

@@ -27,8 +27,8 @@ GOOD_ENOUGH = 48.0
 BELOW_BICUBIC = 1.0
 """How many dB a network may be below bicubic interpolation on pictures of any brightness, contrast or gamma."""
 BELOW_ON_NOISE = 8.0
-"""The same on noise, which bicubic reduces to 0.8 of its amplitude and a network sharpens, by `gain.NOISE` at most: a
-factor of 2.5, 8 dB. Networks were trained on clean pictures."""
+"""How many dB a network may be below bicubic interpolation on noise. Bicubic halves noise (0.8 of its amplitude) and a
+network sharpens it, by `gain.NOISE` at most: a factor of 2.5, 8 dB. Networks were trained on clean pictures."""
 JUMP = 2.0
 """How many dB the margin over bicubic may change from one step to the next. Steps are small: a fifth of an octave of
 contrast, brightness or gamma, or a third more noise."""

@@ -31,7 +31,7 @@ PICTURES = 0.01
 """Share of a tensor's values that may lie on the ends of its int8 grid for pictures. Grids are chosen for least squared
 error, which cuts rare values, and one in a hundred is no longer rare."""
 PATTERNS = 0.75
-"""The same for patterns: at least a quarter of the values still distinguishes inputs. `signals.against_float` bounds
+"""The share for patterns: at least a quarter of the values still distinguishes inputs. `signals.against_float` bounds
 the effect on the result."""
 
 

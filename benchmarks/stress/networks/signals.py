@@ -21,7 +21,7 @@ SIDE = 32
 STEPS = 16
 """All frequencies of a picture of 32x32, from 0 to Nyquist."""
 REFERENCE_STEPS = 3
-"""The same for the reference, which takes a quarter of a second for a picture."""
+"""Steps for the reference, which takes a quarter of a second for a picture."""
 INT8_ROUNDING = 3.0
 """Levels RMS that int8 in onnxruntime may differ from int8 in the reference. If float rounding differs at a half, the
 code is its neighbour, and later layers pass the step on; in a periodic pattern this happens everywhere at the same

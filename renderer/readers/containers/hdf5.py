@@ -48,7 +48,7 @@ MOSAIC_GRID = (5, 5)
 WEIGHT = "the fourth channel of LF is a weight, not alpha: it is left out"
 """The note on a fourth channel."""
 NEEDED = "a light field LF with five axes, at the top or up to two structs deep"
-"""What a MAT file of version 5 must hold, for messages."""
+"""The required content of a MAT file of version 5, for messages."""
 _NEEDED = "a light field LF with five axes, at the top or up to two groups deep"
 LEVELS = 2
 """How many levels of groups, or of MATLAB structs, are searched for a light field."""

@@ -20,7 +20,7 @@ KnownShape = Literal["square", "hexagonal", "hexagonal-columns"]
 ROW_STEP = {"square": 1.0, "hexagonal": 3**0.5 / 2}
 """Distance between neighbouring rows of a grid that isn't stretched, in pitches."""
 LEAST_PITCH, MOST_PITCH = 5.0, 200.0
-"""In pixels."""
+"""The least and the greatest pitch, in pixels."""
 
 
 @dataclass(frozen=True)

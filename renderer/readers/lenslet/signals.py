@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 Cue = Literal["borders", "edges"]
-"""What shows the grid: lenses that darken towards their borders, or content that breaks off there."""
+"""The cue that shows the grid: lenses that darken towards their borders, or content that breaks off there."""
 
 FLOOR = 8.0
 """A level out of `scale_luma`'s 255: darker pixels show their noise instead of their lens."""

@@ -42,7 +42,7 @@ class Sensor:
     to_srgb: tuple[float, ...] = tuple(np.eye(3).ravel())
     gamma: float = 1 / 2.4
     orientation: int = 1
-    """As in Exif."""
+    """The orientation as in Exif."""
 
 
 ILLUM = Sensor(5368, 7728, 10, "gr", (64.0,) * 4, (1023.0,) * 4)

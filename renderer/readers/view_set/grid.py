@@ -34,7 +34,7 @@ class Grid:
 
     files: tuple[tuple[str, ...], ...]
     naming: str = ""
-    """What was taken as row and column, for a note; empty if there was nothing to decide."""
+    """The parts of the names that were taken as row and column, for a note; empty if there was nothing to decide."""
     transposed_naming: str = ""
     """The same with rows and columns exchanged."""
     depth_sense: DepthSense = "cameras"
