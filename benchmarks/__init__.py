@@ -1,1 +1,1 @@
-"""Run time against error. Timings live here, never in tests."""
+"""Measures run time against error. Timings live here, never in tests."""

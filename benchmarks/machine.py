@@ -1,4 +1,4 @@
-"""The machine and the versions that a measurement was made with."""
+"""Describes the machine and the versions that a measurement was made with."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PACKAGES = ("ciir", "numpy", "onnxruntime", "embreex", "pyrender", "torch")
 
 
 def describe() -> dict[str, Any]:
-    """Processor, cores, system and versions; None for what is not installed."""
+    """Returns processor, cores, system and versions; None for a package that is not installed."""
     return {
         "processor": processor.processor_name(),
         "cores": count_available_cores(),

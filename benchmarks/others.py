@@ -1,10 +1,10 @@
-"""Networks of others, as ONNX files, against ours: accuracy on the public sets, and run time in turns in one run.
+"""Compares ONNX networks of others with ours: accuracy on the public sets, and run time in turns in one run.
 
     python -m ciir.benchmarks.others NETWORK.onnx... [--sets FOLDER ...] [--models NAME|CARD ...] [--rounds 9]
 
 A network of others takes RGB `(1, 3, H, W)` in [0, 1] and returns `(1, 3, 2*H, 2*W)`. Each network upscales a picture
-of noise once in each round; the time is that of the quickest round, and ratios are taken within rounds, against the
-first network named. Needs the training extra for the scores.
+of noise once in each round. Its time is that of the quickest round, and ratios to the first named network are taken
+within rounds. The scores need the training extra.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class UntiledNetwork:
 
 
 def compare(networks: Sequence[Upscaler], sets: Sequence[Path], *, rounds: int, side: int) -> list[str]:
-    """A Markdown table of all networks, the quickest first."""
+    """Returns a Markdown table of all networks, the quickest first."""
     picture = np.random.default_rng(0).random((1, 3, side, side), np.float32)
     jobs = [partial(time_call, partial(network, picture)) for network in networks]
     times = np.array([[job()["total"] for job in jobs] for _ in range(rounds + 1)][1:])  # (rounds, networks)
@@ -66,7 +66,7 @@ def compare(networks: Sequence[Upscaler], sets: Sequence[Path], *, rounds: int, 
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """The command line."""
+    """Runs the command line."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("networks", type=Path, nargs="+", metavar="NETWORK.onnx")
     parser.add_argument(
@@ -78,7 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     for path in (*given.networks, *given.sets):
         if not path.exists():
-            parser.error(f"{path}: not there; name ONNX files, and with --sets folders of picture pairs")
+            parser.error(f"{path}: not found; name ONNX files, and with --sets folders of picture pairs")
     names = given.models or [name for name in catalogue.list_single_image_names() if name not in catalogue.BASELINES]
     networks: list[Upscaler] = [*(UntiledNetwork(path.stem, path.read_bytes()) for path in given.networks)]
     networks += map(load_model, names)

@@ -2,9 +2,9 @@
 
 python -m ciir.benchmarks.page [--runs 5] [--seconds 5] [--light-fields 50]
 
-Weight, first paint, the heading, first view of a shipped scene, frames that are drawn while the viewpoint is dragged in
-views of 512x512 pixels, and the memory after many light fields in one tab. Times need an unused machine; the processor
-time of a frame, of all processes of the browser, hardly depends on what else runs.
+It measures the weight, first paint, the heading, the first view of a shipped scene, the frames that are drawn while the
+viewpoint is dragged in views of 512x512 pixels, and the memory after many light fields in one tab. Times need an idle
+machine. The processor time of a frame, over all processes of the browser, hardly depends on what else runs.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
 LARGE = "#scene=hamburger&lenses=512x512&pixels=5x5&show=around&model=none"
 APERTURES = 0, 2
-"""While the viewpoint is dragged, in views: 0 blends two to four, 2 adds up a disc of them."""
+"""Apertures while the viewpoint is dragged, in views: 0 blends two to four views, 2 adds up a disc of them."""
 SMALL = "#scene=vase&lenses=40x40&pixels=15x15&show=around"
-"""Of 225 views, which take 6 MB as a texture."""
+"""A light field of 225 views, which take 6 MB as a texture."""
 PAINT = "performance.getEntriesByName('first-contentful-paint')[0]?.startTime"
 COUNT = """
 window.draws = window.addresses = 0;
@@ -63,7 +63,7 @@ URL.revokeObjectURL = (address) => {
     revokeObjectURL.call(URL, address);
 };
 """
-"""Counts what the page draws and keeps, from its start."""
+"""Counts what the page draws and keeps, from its start on."""
 LIVE = """({
     heap: performance.memory.usedJSHeapSize,
     contexts: contexts.filter((each) => each.deref()?.isContextLost() === false).length,
@@ -119,7 +119,7 @@ def main(argv: list[str] | None = None) -> int:
 
 @contextmanager
 def run_server(folder: Path) -> Iterator[str]:
-    """`ciir serve` on a free port, with no job done before; its address."""
+    """Runs `ciir serve` on a free port, with no earlier jobs, and yields its address."""
     log = folder / "log"
     with log.open("wb") as output:
         command = [sys.executable, "-m", "ciir", "serve", "--port", "0"]
@@ -137,7 +137,7 @@ def run_server(folder: Path) -> Iterator[str]:
 
 
 def open_page(browser: Browser, url: str) -> Page:
-    """The page in a new profile, with `COUNT`."""
+    """Opens the page in a new profile, with `COUNT`."""
     page = browser.new_context(viewport={"width": 1280, "height": 900}).new_page()
     page.set_default_timeout(300_000)
     page.add_init_script(COUNT)
@@ -146,7 +146,7 @@ def open_page(browser: Browser, url: str) -> Page:
 
 
 def measure_start(browser: Browser, url: str, runs: int) -> Iterator[tuple[str, str]]:
-    """Weight, first paint, the heading, and the first view of a scene, each time turned otherwise."""
+    """Measures weight, first paint, the heading, and the first view of a scene, with another rotation each time."""
     paints, headings, views = [], [], []
     for number in range(runs):
         page = open_page(browser, url)
@@ -167,7 +167,7 @@ def measure_start(browser: Browser, url: str, runs: int) -> Iterator[tuple[str, 
 def measure_dragging(
     browser: Browser, url: str, aperture: float, runs: int, seconds: float
 ) -> Iterator[tuple[str, str]]:
-    """Frames that are drawn while a pointer is held and moves."""
+    """Counts the frames that are drawn while a pointer is held and moves."""
     page = open_page(browser, f"{url}/{LARGE}&aperture={aperture}")
     page.get_by_role("checkbox", name="Disparity").wait_for()  # all views are there
     box = page.locator("#frame canvas").evaluate("each => each.getBoundingClientRect().toJSON()")
@@ -198,7 +198,7 @@ def measure_dragging(
 
 
 def measure_memory(browser: Browser, url: str, count: int) -> Iterator[tuple[str, str]]:
-    """What the page and the browser's processes keep after a fifth of the light fields, and after all."""
+    """Measures what the page and the browser's processes keep after a fifth of the light fields, and after all."""
     page = open_page(browser, url)
     devtools, system = page.context.new_cdp_session(page), browser.new_browser_cdp_session()
     for number in range(1, count + 1):
@@ -215,18 +215,18 @@ def measure_memory(browser: Browser, url: str, count: int) -> Iterator[tuple[str
 
 
 def read_processes(system: CDPSession) -> list[dict[str, Any]]:
-    """The processes of the browser."""
+    """Returns the processes of the browser."""
     return system.send("SystemInfo.getProcessInfo")["processInfo"]  # type: ignore[no-any-return]
 
 
 def read_bytes(process: int) -> int:
-    """Bytes of memory of a process, shared pages in part."""
+    """Returns the memory of a process in bytes; shared pages count in part."""
     found = re.search(r"^Pss:\s*(\d+) kB", Path(f"/proc/{process}/smaps_rollup").read_text(), re.MULTILINE)
     return 1024 * int(found[1]) if found else 0
 
 
 def describe_times(times: list[float]) -> str:
-    """The median, and the least and the greatest."""
+    """Formats the median, the least and the greatest time."""
     return f"{median(times):.0f} ms ({min(times):.0f} to {max(times):.0f})"
 
 

@@ -1,4 +1,4 @@
-"""Takes the pictures of the web page: those in README.md and docs/page.md, and of the page's examples.
+"""Takes the pictures of the web page for README.md and docs/page.md, and those of the page's examples.
 
 make serve &
 python -m ciir.benchmarks.page_pictures [--url http://127.0.0.1:8000] [--out FOLDER] [--examples FOLDER] [NAME ...]
@@ -27,16 +27,16 @@ if TYPE_CHECKING:
 WIDE, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
 ADDRESS = "#scene=hamburger&lenses=150x150&pixels=9x9"
 FRAMES, FRAME_MILLISECONDS = 40, 70
-"""Of the animation, once around."""
+"""The animation's frames, once around."""
 REACH = 0.4
-"""Of the animation's pointer, as a share of the picture."""
+"""How far the animation's pointer moves, as a share of the picture."""
 WAIT_MILLISECONDS = 300_000
 ARGUMENTS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-"""Of Chromium: WebGL in software."""
+"""Arguments of Chromium: WebGL in software."""
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Writes the pictures of `PICTURES`, or those named, and the examples'."""
+    """Writes the pictures of `PICTURES` and the examples, or only the named ones."""
     parser = argparse.ArgumentParser(prog="benchmarks.page_pictures", description=main.__doc__)
     parser.add_argument("--url", default="http://127.0.0.1:8000")
     parser.add_argument("--out", type=Path, default=Path("docs/images"))
@@ -58,7 +58,7 @@ def main(argv: list[str] | None = None) -> int:
 
 @contextmanager
 def open_browser() -> Iterator[Browser]:
-    """Debian's Chromium."""
+    """Opens Debian's Chromium."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
@@ -68,7 +68,7 @@ def open_browser() -> Iterator[Browser]:
 
 
 def open_page(browser: Browser, url: str, size: dict[str, int], **options: str) -> Page:
-    """The page at an address, with nothing left to do."""
+    """Opens the page at an address, and waits until nothing is left to do."""
     page = browser.new_context(viewport=size, **options).new_page()  # type: ignore[arg-type]
     page.set_default_timeout(WAIT_MILLISECONDS)
     page.goto(url)
@@ -81,12 +81,12 @@ def open_page(browser: Browser, url: str, size: dict[str, int], **options: str) 
 
 
 def show_start(browser: Browser, url: str, path: Path) -> None:
-    """The start, where one chooses a file or an example."""
+    """Takes the start page, where users choose a file or an example."""
     open_page(browser, url, WIDE).screenshot(path=path)
 
 
 def show_compared(browser: Browser, url: str, path: Path) -> None:
-    """Pixel mapping and the network side by side, at single pixels."""
+    """Takes pixel mapping and the network side by side, at single pixels."""
     page = open_page(browser, f"{url}/{ADDRESS}&show=compare", WIDE)
     box = page.locator(".pictures").evaluate("each => each.getBoundingClientRect().toJSON()")
     page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.35 * box["height"])
@@ -95,7 +95,7 @@ def show_compared(browser: Browser, url: str, path: Path) -> None:
 
 
 def show_overlays(browser: Browser, url: str, path: Path) -> None:
-    """Disparity and the EPI over a light field, in the dark."""
+    """Takes disparity and the EPI over a light field, in dark mode."""
     page = open_page(browser, f"{url}/{ADDRESS}&show=around", WIDE, color_scheme="dark")
     for name in ("Disparity", "EPI"):
         page.get_by_role("checkbox", name=name).check()
@@ -104,12 +104,12 @@ def show_overlays(browser: Browser, url: str, path: Path) -> None:
 
 
 def show_phone(browser: Browser, url: str, path: Path) -> None:
-    """Looking around on a phone."""
+    """Takes the page while looking around on a phone."""
     open_page(browser, f"{url}/{ADDRESS}&show=around", PHONE).screenshot(path=path)
 
 
 def look_around(browser: Browser, url: str, path: Path) -> None:
-    """An animation of looking around, of the picture alone."""
+    """Makes an animation of looking around, of the picture alone."""
     page = open_page(browser, f"{url}/{ADDRESS}&show=around", WIDE)
     box = page.locator(".picture canvas").evaluate("each => each.getBoundingClientRect().toJSON()")
     middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -133,7 +133,7 @@ PICTURES: dict[str, Callable[[Browser, str, Path], None]] = {
     "page_overlays.png": show_overlays,
     "page_phone.png": show_phone,
 }
-"""By their names in `docs/images`."""
+"""Pictures by their names in `docs/images`."""
 EXAMPLES = ("vase", "globe", "hamburger")
 
 if __name__ == "__main__":

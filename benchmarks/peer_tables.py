@@ -35,27 +35,27 @@ Commit {commit}; {processor}, {cores} cores, {threads} threads in training, GPU:
 
 @dataclass(frozen=True)
 class Figures:
-    """A row; None for what a network does not have."""
+    """A row; a figure is None if the network doesn't have it."""
 
     label: str
     accuracy: tuple[Accuracy, ...] = ()
-    """Empty where it was not trained."""
+    """Empty if the network was not trained."""
     updates: int | None = None
-    """0 where it was not trained."""
+    """0 if the network was not trained."""
     parameters: int | None = None
-    """Of the collapsed network."""
+    """Parameters of the collapsed network."""
     multiply_adds: float | None = None
-    """For an output of 1280x720, 10^9."""
+    """Multiply-adds for an output of 1280x720, in 10^9."""
     milliseconds: float | None = None
-    """A view of 200x200 pixels on one CPU core, median."""
+    """Median time for a view of 200x200 pixels on one CPU core."""
     seconds_per_update: float | None = None
-    """Median."""
+    """The median."""
     ratio: float | None = None
-    """Median, over the rounds, of its update's time to that of the paper's generator in the same round."""
+    """Median over the rounds of its update's time relative to that of the paper's generator in the same round."""
 
 
 def format_rows(rows: Sequence[Figures]) -> str:
-    """A Markdown table."""
+    """Formats the rows as a Markdown table."""
 
     def format_number(value: float | None, form: str) -> str:
         return "-" if value is None else format(value, form)

@@ -1,11 +1,12 @@
-"""Every network at an equal budget: the paper's table 2 (blocks, batch normalisation) and table 3 (other networks).
+"""Compares all networks at an equal budget, for the paper's table 2 (blocks, batch normalisation) and table 3 (other
+networks).
 
     python -m ciir.benchmarks.peers [--updates 1500] [--crop 48] [--batch 16] [--only NAME ...] [--all] [--out DIR]
 
 All are trained by `training.loop.train.train` on the same crops in the same order, with the same number of updates,
-pixel loss and step sizes, and scored on the public sets after export; SRGAN's and ESRGAN's generators too have pixel
-loss. RDN and ESRGAN's are only timed where there is no GPU, unless `--all` is given. An interrupted run resumes when it
-is started again with the same options. `--out` gets a folder for each network (its checkpoint, log, ONNX file and
+pixel loss and step sizes, and scored on the public sets after export. SRGAN's and ESRGAN's generators also have pixel
+loss. Without a GPU, RDN and ESRGAN's generator are only timed, unless `--all` is given. An interrupted run resumes when
+it is started again with the same options. `--out` gets a folder for each network (its checkpoint, log, ONNX file and
 card), `tables.md`, and `figures.json` with every figure. Needs the training extra.
 """
 
@@ -45,26 +46,26 @@ if TYPE_CHECKING:
     from ciir.models.cards import Accuracy
 
 LEARNING_RATE = 5e-4
-"""Adam's peak step size, for all: after a warm-up over a twentieth of the updates, then along a half cosine to zero.
-Four times as much breaks the 16 blocks without batch normalisation."""
+"""Adam's peak step size for all networks: it is reached after a warm-up over a twentieth of the updates, then falls
+along a half cosine to zero. Four times as much breaks the 16 blocks without batch normalisation."""
 VIEW = 200
-"""Side of the view whose upscaling is timed, pixels."""
+"""Side of the view whose upscaling is timed, in pixels."""
 
 
 @dataclass(frozen=True)
 class Peer:
-    """A row that is trained."""
+    """A network that is trained, as a row of the tables."""
 
     label: str
     network: str
     options: dict[str, Any] = field(default_factory=dict)
     large: bool = False
-    """Too slow to train on a few CPU cores, and its receptive field is too wide for tiles."""
+    """Whether it is too slow to train on a few CPU cores, and its receptive field is too wide for tiles."""
 
 
 BLOCKS = (3, 6, 16)
 REFERENCE = "lite-6"
-"""The paper's generator, which the times of updates are compared with."""
+"""The paper's generator, with which the times of updates are compared."""
 PEERS = {
     "srcnn": Peer("SRCNN 9-5-5", "srcnn"),
     "fsrcnn": Peer("FSRCNN", "fsrcnn"),
@@ -83,13 +84,13 @@ PEERS = {
     "fast-equal": Peer("ours, fast", "compact", {"widths": [32, *[48] * 6], "slope": 0.0}),
     "quality-equal": Peer("ours, quality", "compact", {"widths": [64] * 8}),
 }
-"""Name of the run -> what is trained."""
+"""Name of the run -> the network that is trained."""
 TABLE_2 = tuple(name for name in PEERS if name.startswith("lite-"))
 TABLE_3 = (*BASELINES, *(name for name in PEERS if name not in TABLE_2 or name == REFERENCE))
 
 
 def make_recipe(name: str, *, updates: int, crop: int, batch: int, data: Path) -> Recipe:
-    """The recipe of the network `name`: all but its design and options is the same for all."""
+    """Returns the recipe of the network `name`. Everything except its design and options is the same for all."""
     return Recipe(
         name=name,
         network=PEERS[name].network,
@@ -110,7 +111,7 @@ def make_recipe(name: str, *, updates: int, crop: int, batch: int, data: Path) -
 
 
 def measure_accuracy(name: str, checkpoint: Path, sets: Sequence[Path]) -> tuple[Accuracy, ...]:
-    """Scores of a finished run on `sets`, through its ONNX file and card, which stay beside the checkpoint."""
+    """Scores a finished run on `sets`, through its ONNX file and card, which stay next to the checkpoint."""
     if PEERS[name].large:
         network = export.simplify_network(export.load_network(checkpoints.read_checkpoint(checkpoint)))
         upscaler = UntiledNetwork(name, to_onnx.convert_network(network, SCALE))
@@ -122,7 +123,7 @@ def measure_accuracy(name: str, checkpoint: Path, sets: Sequence[Path]) -> tuple
 
 
 def time_updates(recipes: Mapping[str, Recipe], rounds: int) -> dict[str, Times]:
-    """Times of an update of each network as in training, without drawing the crops."""
+    """Times an update of each network as in training, without drawing the crops."""
 
     def prepare(recipe: Recipe) -> Callable[[], object]:
         run = Run(recipe)
@@ -135,7 +136,7 @@ def time_updates(recipes: Mapping[str, Recipe], rounds: int) -> dict[str, Times]
 
 
 def time_views(names: Sequence[str], rounds: int) -> dict[str, Times]:
-    """Times of one view of `VIEW` x `VIEW` pixels through onnxruntime, or numpy for interpolation, on one core."""
+    """Times one view of `VIEW` x `VIEW` pixels with onnxruntime, or numpy for interpolation, on one core."""
     view = np.random.default_rng(0).random((1, 3, VIEW, VIEW), dtype=np.float32)
 
     def prepare(name: str) -> Callable[[], object]:
@@ -149,7 +150,7 @@ def time_views(names: Sequence[str], rounds: int) -> dict[str, Times]:
 
 
 def describe_network(name: str, scores: Sequence[Accuracy], updates: int) -> Figures:
-    """A row without its times."""
+    """Returns a row without its times."""
     if name in BASELINES:
         return Figures(f"{name} interpolation", accuracy=tuple(scores))
     peer = PEERS[name]
@@ -185,14 +186,14 @@ def write_results(out: Path, rows: Mapping[str, Figures], recipe: Recipe) -> str
 def main(argv: list[str] | None = None) -> int:
     """Trains, scores and times the networks, and prints the tables."""
     parser = argparse.ArgumentParser(prog="benchmarks.peers", description=main.__doc__)
-    parser.add_argument("--updates", type=int, default=1500, help="of each network (default 1500)")
+    parser.add_argument("--updates", type=int, default=1500, help="updates of each network (default 1500)")
     parser.add_argument("--crop", type=int, default=48, help="HR crop side, pixels (default 48)")
     parser.add_argument("--batch", type=int, default=16, help="crops an update (default 16)")
     parser.add_argument("--rounds", type=int, default=5, help="times that each update and view is timed (default 5)")
     parser.add_argument("--only", nargs="+", choices=[*BASELINES, *PEERS], help="rows (default: all)", metavar="NAME")
     parser.add_argument("--all", action="store_true", help="train RDN and ESRGAN's generator without a GPU too")
     parser.add_argument(
-        "--data", type=Path, default=Path("../shared/data/images"), help="holds train and the test sets"
+        "--data", type=Path, default=Path("../shared/data/images"), help="folder with train and the test sets"
     )
     parser.add_argument("--out", type=Path, default=Path("runs/peers"), help="default: runs/peers")
     args = parser.parse_args(argv)

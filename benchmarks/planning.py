@@ -2,11 +2,11 @@
 
     python -m ciir.benchmarks.planning [--rounds 5] [--lenses 25 50 100 200] [--mesh FILE ...] [--json FILE]
 
-Whole jobs from bytes or scene to a zip of PNGs in memory, warm, each strategy once a round: upscale, direct, auto. A
-row for each mesh, lens count, sampling and set of views: the quickest of all rounds, the strategy that `auto` took and
-what it predicted, and by how much it is slower than the better fixed one in the same round (median). `!` marks more
-than 15 %. The last lines sum up: the worst row, what always taking one strategy would cost in its worst row, and
-predictions over measured times.
+It runs whole jobs from bytes or scene to a zip of PNGs in memory, warm, each strategy once a round: upscale, direct,
+auto. There is a row for each mesh, lens count, sampling and set of views. It gives the quickest of all rounds, the
+strategy that `auto` took and what it predicted, and how much slower `auto` is than the better fixed strategy in the
+same round (median). `!` marks more than 15 %. The last lines sum up: the worst row, what always taking one strategy
+would cost in its worst row, and predictions relative to measured times.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ LENSES = (25, 50, 100, 200)
 VIEWS = ("center", "cross", "all")
 STRATEGIES = get_args(Strategy)
 SLOWER = 0.15
-"""By how much `auto` may be slower than the better fixed strategy."""
+"""How much slower than the better fixed strategy `auto` may be."""
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Prints the table; `--json` writes every time. Returns 1 where `auto` was too slow."""
+    """Prints the table; `--json` writes every time. Returns 1 if `auto` was too slow."""
     parser = argparse.ArgumentParser(prog="benchmarks.planning", description=main.__doc__)
     parser.add_argument("--rounds", type=int, default=5, help="times that each job runs (default 5)")
-    parser.add_argument("--lenses", type=int, nargs="+", default=LENSES, help="of arrays N x N")
+    parser.add_argument("--lenses", type=int, nargs="+", default=LENSES, help="lens counts N of arrays N x N")
     parser.add_argument("--views", nargs="+", default=VIEWS, help="sets of views (default: center cross all)")
-    parser.add_argument("--mesh", type=Path, nargs="+", default=[], help="mesh files beside the shipped scenes")
+    parser.add_argument("--mesh", type=Path, nargs="+", default=[], help="mesh files in addition to the shipped scenes")
     parser.add_argument("--json", type=Path, help="file for all rows, milliseconds")
     args = parser.parse_args(argv)
     sources: dict[str, Source] = {name: name for name in SCENES}
@@ -71,7 +71,10 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def measure(source: Source, options: dict[str, Any], rounds: int) -> dict[str, Any]:
-    """Milliseconds of all `rounds` by strategy, after one that is not counted, the quickest, and the plan of `auto`."""
+    """Measures all `rounds` by strategy in milliseconds, after one that is not counted.
+
+    Returns the quickest, all counted times, and the plan of `auto`.
+    """
     times: dict[str, list[float]] = {strategy: [] for strategy in STRATEGIES}
     report: Report = {}
     for _ in range(rounds + 1):
@@ -90,14 +93,16 @@ def measure(source: Source, options: dict[str, Any], rounds: int) -> dict[str, A
 
 
 def compute_slowdown(row: dict[str, Any]) -> float:
-    """By how much `auto` is slower than the better fixed strategy: the median of the ratios within rounds, less 1."""
+    """Returns how much slower `auto` is than the better fixed strategy: the median of the ratios within rounds, minus
+    1.
+    """
     best = min(("upscale", "direct"), key=row.__getitem__)
     ratios = [auto / fixed for auto, fixed in zip(row["rounds"]["auto"], row["rounds"][best], strict=True)]
     return float(statistics.median(ratios)) - 1
 
 
 def format_row(row: dict[str, Any]) -> str:
-    """A row of the table."""
+    """Formats a row of the table."""
     mark = " !" if compute_slowdown(row) > SLOWER else ""
     return (
         f"{row['mesh']:12s} {row['lenses']:6d}  {row['sampling']:8s} {row['views']:6s} {row['upscale']:10.1f}"

@@ -1,9 +1,10 @@
-"""Measures what reading a light field of each container costs, over what the library alone takes to decode it.
+"""Measures what reading a light field costs for each container, relative to decoding it with the library alone.
 
     python -m ciir.benchmarks.reading [--grid 15] [--side 400] [--rounds 5]
 
-Each file is written by our own writer and read from memory. The library decodes it to arrays in their stored layout;
-the reader makes a light field of it, with its checks and the order of views. Both run in turn; the least times count.
+Each file is written by our own writer and read from memory. The library decodes it to arrays in their stored layout.
+The reader makes a light field of it, with its checks and the order of views. Both run in turn, and the least times
+count.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 
 
 def make_light_field(grid: int, side: int) -> LightField:
-    """Smooth noise that moves by a pixel from one view to the next: it packs about as pictures do."""
+    """Makes smooth noise that moves by a pixel from view to view. It compresses about as well as pictures do."""
     margin = side + 2 * grid
     rng = np.random.default_rng(0)
     plane = scipy.ndimage.gaussian_filter(rng.normal(size=(margin, margin, 3)), (2, 2, 0))
@@ -45,7 +46,7 @@ def make_light_field(grid: int, side: int) -> LightField:
 
 
 def write(light_field: LightField, name: str) -> bytes:
-    """The file in the format `name`; a video shows every view once."""
+    """Writes the file in the format `name`; a video shows every view once."""
     count_v, count_u, height, width, channels = light_field.views.shape
     positions = tuple(np.ndindex(count_v, count_u))
     file = io.BytesIO()
@@ -60,7 +61,7 @@ def write(light_field: LightField, name: str) -> bytes:
 
 
 def pack_hdf5(light_field: LightField) -> bytes:
-    """As MATLAB and h5py pack data sets: in chunks, by deflate."""
+    """Packs data sets as MATLAB and h5py do: in chunks, with deflate."""
     file = io.BytesIO()
     with h5py.File(file, "w") as target:
         target.create_dataset("LF", data=light_field.views, chunks=(1, 1, *light_field.views.shape[2:]), compression=3)
@@ -68,26 +69,26 @@ def pack_hdf5(light_field: LightField) -> bytes:
 
 
 def pack_mat(light_field: LightField) -> bytes:
-    """As MATLAB packs a variable."""
+    """Packs a variable as MATLAB does."""
     file = io.BytesIO()
     scipy.io.savemat(file, {"LF": light_field.views}, do_compression=True)
     return file.getvalue()
 
 
 def decode_hdf5(data: bytes) -> object:
-    """By h5py."""
+    """Decodes with h5py."""
     with h5py.File(io.BytesIO(data), "r") as file:
         return file["LF"][()]
 
 
 def decode_npz(data: bytes) -> object:
-    """By NumPy."""
+    """Decodes with NumPy."""
     with np.load(io.BytesIO(data)) as arrays:
         return arrays["views"]
 
 
 def decode_video(data: bytes) -> object:
-    """By PyAV, to RGB."""
+    """Decodes with PyAV, to RGB."""
     with av.open(io.BytesIO(data), "r") as file:
         return np.stack([frame.to_ndarray(format="rgb24") for frame in file.decode(video=0)])
 
@@ -109,16 +110,16 @@ CASES: dict[str, tuple[str, Callable[[LightField], bytes], Callable[[bytes], obj
     "mp4": ("a.mp4", lambda field: write(field, "mp4"), decode_video),
     "webm": ("a.webm", lambda field: write(field, "webm"), decode_video),
 }
-"""Name -> name of the file, what makes it, and how the library alone decodes it."""
+"""Name -> the file's name, the function that makes it, and the one that decodes it with the library alone."""
 
 
 def read(data: bytes, file: str) -> object:
-    """By our reader."""
+    """Reads with our own reader."""
     return inputs.read(Bundle.from_upload(file, data), Layout())
 
 
 def measure(run: Callable[..., object], *arguments: object) -> float:
-    """Seconds."""
+    """Returns the seconds that `run` takes."""
     start = time.perf_counter()
     run(*arguments)
     return time.perf_counter() - start

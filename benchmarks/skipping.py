@@ -1,17 +1,17 @@
-"""Measures what exact skipping gains: of views, and of the triangles of a mesh (culling).
+"""Measures what exact skipping gains, for views and for the triangles of a mesh (culling).
 
     python -m ciir.benchmarks.skipping [--model NAME ...] [--lenses 100 200 512] [--mesh FILE ...] [--rounds 11]
         [--only views|full|culling ...]
 
 `views`: middle views of the shipped scenes, through the upscale stage alone, with and without skipping; `faster` is the
-median over rounds of the ratio of the two. `covered` is the share of the view that the object covers, `seen` the share
-that went through the network, halo included. `differs`: levels of 255, at most; 0 for int8 networks. `full`: views of
-noise, of which nothing can be skipped.
+median over rounds of the ratio of the two. `covered` is the share of the view that the object covers, and `seen` the
+share that went through the network, including the halo. `differs`: the largest difference in levels of 255; 0 for int8
+networks. `full`: views of noise, in which nothing can be skipped.
 
-`culling`: one view and five (`cross`) of each mesh by both backends, with and without culling, whose own time counts;
-`culled` is the share of triangles. Culling is forced where it is not worthwhile
-(`renderer.backends.culling.is_worthwhile`), and the row says `not done`. `!` marks pixels that differ, and rows in
-which it is done and takes over 3 % longer.
+`culling`: one view and five (`cross`) of each mesh with both backends, with and without culling, whose own time counts.
+`culled` is the share of triangles. If culling is not worthwhile (`renderer.backends.culling.is_worthwhile`), it is
+forced, and the row says `not done`. `!` marks pixels that differ, and rows in which culling is done and takes over 3 %
+longer.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ if TYPE_CHECKING:
 
 MODELS = ("fast-int8", "field-int8")
 SIDE = 5
-"""Views along each side of the window around the middle one of 15x15; light-field networks use all of them."""
+"""Views along each side of the window around the middle one of 15x15. Light-field networks use all of them."""
 SLOWER = 1.03
-"""How many times as long views may take with culling."""
+"""How many times as long rendering may take with culling."""
 
 
 def load_upscale(name: str, views: Views) -> Upscale:
-    """A function that upscales the middle one of `SIDE` x `SIDE` views `(H, W, 3)` by model `name`."""
+    """Returns a function that upscales the middle one of `SIDE` x `SIDE` views `(H, W, 3)` with the model `name`."""
     middle = (SIDE // 2, SIDE // 2)
     if name in catalogue.list_single_image_names():
         model, picture = catalogue.load_upscaler(name), np.ascontiguousarray(views[middle][np.newaxis])
@@ -72,7 +72,9 @@ def load_upscale(name: str, views: Views) -> Upscale:
 
 
 def measure_skipping(upscale: Upscale, rounds: int) -> list[str]:
-    """The share that went through the network, milliseconds with and without skipping, their ratio, the difference."""
+    """Measures the share that went through the network, milliseconds with and without skipping, their ratio, and the
+    difference.
+    """
     statistics = SkipStatistics()
     difference = np.abs(upscale(True, statistics).astype(int) - upscale(False, SkipStatistics())).max()
     jobs = {
@@ -85,7 +87,7 @@ def measure_skipping(upscale: Upscale, rounds: int) -> list[str]:
 
 
 def render_window(mesh: Scene, lenses: int) -> Views:
-    """RGBA views of the window about the middle one, `(lenses, lenses, 4)`, numbered from 0."""
+    """Renders RGBA views of the window around the middle one, `(lenses, lenses, 4)`, numbered from 0."""
     array = LensArray(lenses, lenses, 15, 15)
     low = (15 - SIDE) // 2
     at = [(v, u) for v in range(low, low + SIDE) for u in range(low, low + SIDE)]
@@ -97,7 +99,8 @@ def render_window(mesh: Scene, lenses: int) -> Views:
 def measure_culling(
     placed: Scene, array: LensArray, views: Sequence[tuple[int, int]], backend: Backend, rounds: int
 ) -> tuple[float, float, float, int]:
-    """Share of triangles culled, milliseconds without and with culling, and pixels that differ.
+    """Measures the share of culled triangles, milliseconds without and with culling, and the number of pixels that
+    differ.
 
     The scene is new to the backend each time, as in a job.
     """
@@ -115,7 +118,7 @@ def measure_culling(
 
 
 def print_views(models: Sequence[str], scenes: dict[str, Scene], lenses: Sequence[int], rounds: int) -> None:
-    """A row for each scene, size and model."""
+    """Prints a row for each scene, size and model."""
     _print_row(("model", "scene", "lenses", "covered", "seen", "ms with", "without", "faster", "differs"))
     for name, mesh in scenes.items():
         for size in lenses:
@@ -128,7 +131,7 @@ def print_views(models: Sequence[str], scenes: dict[str, Scene], lenses: Sequenc
 
 
 def print_full(models: Sequence[str], lenses: Sequence[int], rounds: int) -> None:
-    """A row for each size and model, of views of noise."""
+    """Prints a row for each size and model, for views of noise."""
     for size in lenses:
         view = np.random.default_rng(0).integers(0, 256, (size, size, 3)).astype(np.uint8)
         views = {(v, u): view for v in range(SIDE) for u in range(SIDE)}
@@ -137,7 +140,7 @@ def print_full(models: Sequence[str], lenses: Sequence[int], rounds: int) -> Non
 
 
 def print_culling(scenes: dict[str, Scene], lenses: Sequence[int], rounds: int) -> bool:
-    """A row for each mesh, array, number of views and backend; whether no row has a mark."""
+    """Prints a row for each mesh, array, number of views and backend. Returns whether no row has a mark."""
     all_hold = True
     _print_row(("mesh", "backend", "lenses", "views", "culled", "ms with", "without", "faster", "differs"))
     for name, mesh in scenes.items():
@@ -170,8 +173,8 @@ def main(argv: list[str] | None = None) -> int:
     parts = ("views", "full", "culling")
     parser.add_argument("--only", nargs="+", choices=parts, default=parts, help="tables (default: all)")
     parser.add_argument("--model", nargs="*", default=MODELS, help=f"names (default {' '.join(MODELS)})")
-    parser.add_argument("--lenses", type=int, nargs="*", help="default 100 200 512; of culling 50 100")
-    parser.add_argument("--mesh", type=Path, nargs="*", default=[], help="mesh files beside the shipped scenes")
+    parser.add_argument("--lenses", type=int, nargs="*", help="default 100 200 512; for culling 50 100")
+    parser.add_argument("--mesh", type=Path, nargs="*", default=[], help="mesh files in addition to the shipped scenes")
     parser.add_argument("--rounds", type=int, default=11, help="times that each row runs (default 11)")
     args = parser.parse_args(argv)
     scenes = {name: load_scene(name) for name in SCENES}

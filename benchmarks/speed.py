@@ -1,10 +1,10 @@
-"""Measures how fast the default is, beside its targets, and prints one table.
+"""Measures how fast the default is, compares it with its targets, and prints one table.
 
     python -m ciir.benchmarks.speed [--rounds 5] [--mesh FILE] [--peers NETWORK.onnx ...] [--only ROW ...]
 
-Each job of a row runs once a round in one process. Times are medians over rounds, ratios medians within rounds. On a
-machine that does other work too, processor time says more than wall-clock time. `int8` is no row of the table: it
-compares each int8 network of single pictures with its float twin. Exit status 1 where something wanted isn't reached.
+Each job of a row runs once a round in one process. Times are medians over rounds, and ratios are medians within rounds.
+On a machine that does other work too, processor time says more than wall-clock time. `int8` is not a row of the table:
+it compares each int8 network of single pictures with its float twin. The exit status is 1 if a target isn't reached.
 """
 
 from __future__ import annotations
@@ -57,13 +57,13 @@ if TYPE_CHECKING:
 PAPER = "paper"
 LENSES, PIXELS = (50, 50), (15, 15)
 SIZES = ((200, 200), (360, 640))
-"""Of the views that int8 networks are timed on, (rows, columns)."""
+"""Sizes of the views that int8 networks are timed on, (rows, columns)."""
 SHARED = Path("../shared/data")
 
 
 @dataclass(frozen=True)
 class Given:
-    """What the rows are measured on."""
+    """The inputs that the rows are measured on."""
 
     mesh: Bundle
     fine_mesh: Path
@@ -78,15 +78,15 @@ class Row:
     what: str
     work: Work
     wanted: float | None = None
-    """Milliseconds."""
+    """The target in milliseconds."""
     others: Mapping[str, tuple[Work, float | None]] = field(default_factory=dict)
-    """Other ways to the same, and how many times faster ours is wanted to be."""
+    """Other ways to the same result, and how many times faster than them ours should be."""
     factor: int = 1
-    """How many times the work the row stands for."""
+    """How many times the measured work the row stands for."""
 
 
 def measure_view(given: Given) -> Row:
-    """A view of noise, so that nothing is skipped, by the default network of single pictures."""
+    """Measures a view of noise, of which nothing is skipped, with the default network of single pictures."""
     pixels = np.random.default_rng(0).integers(0, 256, (1, 512, 512, 3), np.uint8)
     planes = np.ascontiguousarray(pixels.transpose(0, 3, 1, 2), np.float32) / np.float32(255)
     default = catalogue.default_name()
@@ -99,25 +99,25 @@ def measure_view(given: Given) -> Row:
 
 
 def measure_cold(given: Given) -> Row:  # noqa: ARG001 - all rows have one signature
-    """A command for one view of a small scene, from the start of its process."""
+    """Measures a command for one view of a small scene, from the start of its process."""
     return Row("`ciir reconstruct scene:vase`", partial(run_command, "scene:vase"), 400)
 
 
 def measure_fine(given: Given) -> Row:
-    """A command for one view of a fine mesh."""
+    """Measures a command for one view of a fine mesh."""
     run = partial(run_command, given.fine_mesh, "--lenses", "200x200", "--sampling", "lenslet", "--neighbour-time", "0")
     others = {f"`--backend {name}`": (partial(run, "--backend", name), 1.0) for name in ("raster", "raytrace")}
     return Row(f"`ciir reconstruct {given.fine_mesh.name}`, 200x200 lenslets, `--neighbour-time 0`", run, others=others)
 
 
 def measure_eia(given: Given) -> Row:
-    """An elemental image array by rays, whole job from bytes to PNG."""
+    """Measures an elemental image array by rays, the whole job from bytes to PNG."""
     options = Options(lenses=LENSES, pixels=PIXELS, backend="raytrace")
     return Row("EIA 50x50 of 15x15 by rays", partial(render_eia, given.mesh, options, encode_png), 90)
 
 
 def measure_rays(given: Given) -> Row:
-    """One view by 16 rays for each pixel, from a scene that was read."""
+    """Measures one view by 16 rays for each pixel, from a scene that has been read."""
     scene = Input(given.mesh).read_mesh(Options())
     array = resolve_array(Options(lenses=(100, 100), pixels=PIXELS))
     placed, rays = scene.transform(frame_scene(scene, array)), open_backend("raytrace")[0]
@@ -127,7 +127,7 @@ def measure_rays(given: Given) -> Row:
 
 
 def measure_array(given: Given) -> Row:
-    """A mesh to a whole upscaled elemental image array, from bytes in memory to the array in memory."""
+    """Measures a mesh to a whole upscaled elemental image array, from bytes in memory to the array in memory."""
     options = Options(lenses=LENSES, pixels=PIXELS, views="all")
     single = Options(lenses=LENSES, pixels=PIXELS, views="all", model=catalogue.default_name())
     others: dict[str, tuple[Work, float | None]] = {
@@ -140,8 +140,10 @@ def measure_array(given: Given) -> Row:
 
 
 def measure_small_views(given: Given) -> Row:
-    """5 times 3 views of an elemental image array, the batch of the pipeline, from its upper left corner to its lower
-    right one: they stand for all 225, as views at the border need the fallback more than those in the middle.
+    """Measures 5 times 3 views of an elemental image array, the batch of the pipeline, from its upper left to its lower
+    right corner.
+
+    They stand for all 225, because views at the border need the fallback more than those in the middle.
     """
     views = ciir.open(given.light_field, lenses=(200, 200)).views
     works = [make_work(views, 3, at) for at in ((1, 0), (4, 3), (7, 6), (10, 9), (13, 12))]
@@ -150,7 +152,9 @@ def measure_small_views(given: Given) -> Row:
 
 
 def measure_large_views(given: Given) -> Row:
-    """A view of 512x512 with its window, which stands for 81 of them: those of 200x200, mirrored."""
+    """Measures a view of 512x512 with its window, which stands for 81 of them. The views are those of 200x200,
+    mirrored.
+    """
     views = ciir.open(given.light_field, lenses=(200, 200)).views[5:10, 5:10]
     margin = (0, 0), (0, 0), (0, 312), (0, 312), (0, 0)
     work = make_work(np.pad(views, margin, mode="symmetric"), 1)
@@ -158,7 +162,7 @@ def measure_large_views(given: Given) -> Row:
 
 
 def measure_job(given: Given) -> Row:
-    """A whole job from bytes to PNG, with sessions and the rendering context open."""
+    """Measures a whole job from bytes to PNG, with sessions and the rendering context open."""
     options = Options(lenses=LENSES, pixels=PIXELS, neighbour_time=0.0)
     run = partial(reconstruct, given.mesh, options)
     return Row("one view 50x50, warm, whole job", lambda: run(FileWriter(io.BytesIO(), None)), 6)
@@ -175,7 +179,7 @@ ROWS = {
     "job": measure_job,
     "cold": measure_cold,
 }
-"""In the order of the table."""
+"""The rows, in the order of the table."""
 
 
 def run_command(*arguments: object) -> None:
@@ -186,7 +190,9 @@ def run_command(*arguments: object) -> None:
 
 
 def make_work(views: NDArray[Any], count: int, at: View | None = None) -> Work:
-    """Upscales `count` views from `at` on, by default the middle one, by the default of light fields."""
+    """Returns a function that upscales `count` views from `at` on, by default the middle one, with the default of light
+    fields.
+    """
     grid = views.shape[0], views.shape[1]
     row, col = at or (grid[0] // 2, grid[1] // 2)
     network = catalogue.load_light_field_network(catalogue.light_field_default_name())
@@ -199,18 +205,18 @@ def make_work(views: NDArray[Any], count: int, at: View | None = None) -> Work:
 
 
 def upscale_array(source: Bundle, options: Options) -> NDArray[np.uint8]:
-    """The elemental image array of all views of a mesh by the pipeline."""
+    """Computes the elemental image array of all views of a mesh with the pipeline."""
     views, _ = reconstruct_views(source, options)
     return LightField(views.reshape(*PIXELS, *views.shape[1:])).eia().astype(np.uint8)
 
 
 def upscale_array_usually(source: Bundle, options: Options) -> NDArray[np.uint8]:
-    """The same array by a perspective render for each lens and `PAPER` on each view, nothing skipped."""
+    """Computes the same array with a perspective render for each lens and `PAPER` on each view, nothing skipped."""
     array = resolve_array(options)
     scene = Input(source).read_mesh(options)
     raster = open_backend("raster")[0]
     placed = scene.transform(frame_scene(scene, array))
-    eia = raster.render_by_lens(placed, array)[..., :3]  # type: ignore[attr-defined]  # of the raster backend alone
+    eia = raster.render_by_lens(placed, array)[..., :3]  # type: ignore[attr-defined]  # only the raster backend has it
     mapped = LightField.from_eia(eia, rows=array.rows, cols=array.cols).views
     v, u, rows, cols, channels = mapped.shape
     small = np.ascontiguousarray(mapped, np.uint8).reshape(v * u, rows, cols, channels)
@@ -219,7 +225,7 @@ def upscale_array_usually(source: Bundle, options: Options) -> NDArray[np.uint8]
 
 
 def measure_row(row: Row, rounds: int) -> tuple[list[list[str]], bool]:
-    """The lines of the table for a row, and whether all that is wanted is reached."""
+    """Returns the lines of the table for a row, and whether all its targets are reached."""
     works = {row.what: row.work} | {name: work for name, (work, _) in row.others.items()}
     times = time_in_rounds({name: partial(time_call, work) for name, work in works.items()}, rounds, reference=row.what)
     ours = times[row.what]
@@ -235,7 +241,7 @@ def measure_row(row: Row, rounds: int) -> tuple[list[list[str]], bool]:
 
 
 def compare_int8(rounds: int) -> Iterator[str]:
-    """Each int8 network of single pictures against its float twin, on one core and on all."""
+    """Compares each int8 network of single pictures with its float twin, on one core and on all."""
     yield "float networks against their int8 twins, milliseconds"
     cards = [entry.card for entry in catalogue.list_entries() if entry.card and not entry.is_light_field]
     for card in (card for card in cards if card.float_twin):
@@ -257,7 +263,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--mesh", type=Path, default=SHARED / "meshes/duck.glb")
     parser.add_argument("--fine-mesh", type=Path, default=SHARED / "meshes/boot.obj")
     parser.add_argument("--light-field", type=Path, default=SHARED / "lightfields/eia-200x200x15.jpg")
-    parser.add_argument("--peers", type=Path, nargs="*", default=[], help="networks of others, ONNX, for `view`")
+    parser.add_argument("--peers", type=Path, nargs="*", default=[], help="ONNX networks of others, for `view`")
     parser.add_argument("--only", nargs="+", choices=[*ROWS, "int8"], default=list(ROWS), help="rows (default: all)")
     args = parser.parse_args(argv)
     machine: dict[str, Any] = describe()

@@ -2,9 +2,9 @@
 
     python -m ciir.benchmarks.batch [speed] [kills] [scale] [--arrays 200] [--meshes 50] [--tasks 100000] [-o DIR]
 
-`speed`: two processes on two cores against one on one, in turn, and whether the pictures are equal; `kills`: workers
-killed every 5 s and the scheduler once; `scale`: the scheduler's own time for each task, with 256 simulated workers,
-whose tasks take the times that `speed` recorded, scaled to a mean of 100 ms.
+`speed`: two processes on two cores against one on one, in turn, and whether the pictures are equal. `kills`: workers
+are killed every 5 s, and the scheduler once. `scale`: the scheduler's own time for each task, with 256 simulated
+workers. Their tasks take the times that `speed` recorded, scaled to a mean of 100 ms.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ MEAN_SECONDS = 0.1
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Prints what was measured."""
+    """Prints the measurements."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("parts", nargs="*", metavar="PART", default=PARTS)
     parser.add_argument("--arrays", type=int, default=200)
@@ -56,7 +56,9 @@ def main(argv: list[str] | None = None) -> None:
 
 
 def _run(out: Path, name: str, workers: int) -> float:
-    """Seconds of a batch on as many cores as it has processes, with the scheduler and the command on them too."""
+    """Returns the seconds of a batch on as many cores as it has processes, with the scheduler and the command on them
+    too.
+    """
     shutil.rmtree(out / name, ignore_errors=True)
     begun = time.perf_counter()
     command = [sys.executable, "-m", "ciir", "batch", str(out / "in"), "-o", str(out / name), *OPTIONS]
@@ -99,7 +101,7 @@ def _measure_scale(out: Path, tasks: int) -> None:
 
 
 def _compare(out: Path, name: str) -> int:
-    """How many pictures of two runs differ, or are there in one of them only."""
+    """Returns how many pictures of two runs differ, or exist in only one of them."""
     runs = [
         {path.relative_to(out / each): path.read_bytes() for path in (out / each).glob("*/*.png")}
         for each in ("one", name)

@@ -1,4 +1,4 @@
-"""A Dask cluster of processes on this machine, which are started again when they end, as containers are."""
+"""A Dask cluster of processes on this machine, which are restarted when they end, as containers are."""
 
 from __future__ import annotations
 
@@ -54,10 +54,10 @@ class Cluster:
                     self._processes[number] = self._start(self._commands[number])
 
     def kill_worker(self, number: int) -> bool:
-        """Kills the worker process under nanny `number`, with its work; False where it is not started again yet."""
+        """Kills the worker process under nanny `number`, with its work; returns False if it isn't running again yet."""
         try:
             helpers = psutil.Process(self._processes[1 + number].pid).children()
-            found = [child for helper in helpers for child in helper.children()]  # the fork server's
+            found = [child for helper in helpers for child in helper.children()]  # of the fork server
         except psutil.NoSuchProcess:
             return False
         for child in found:
@@ -65,11 +65,11 @@ class Cluster:
         return bool(found)
 
     def kill_scheduler(self) -> None:
-        """Kills the scheduler, which forgets all; it is started again at the same address."""
+        """Kills the scheduler, which loses all its state; it is restarted at the same address."""
         self._processes[0].kill()
 
     def wait(self, workers: int) -> None:
-        """Waits until so many workers are there."""
+        """Waits until that many workers are connected."""
         with Client(self.address, timeout=120, set_as_default=False) as client:
             client.wait_for_workers(workers, timeout=120)
 
@@ -88,7 +88,7 @@ class Cluster:
 
 @contextmanager
 def open_cluster(workers: int) -> Iterator[Cluster]:
-    """A cluster that is ready."""
+    """Opens a cluster, and yields it when it is ready."""
     with tempfile.TemporaryDirectory(prefix="ciir-cluster-") as folder:
         cluster = Cluster(workers, folder)
         try:

@@ -1,4 +1,4 @@
-"""Elemental image arrays and meshes in any number, made of the shipped scenes and of simple shapes."""
+"""Makes any number of elemental image arrays and meshes from the shipped scenes and simple shapes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COLOURS = ((0, 1, 2), (2, 0, 1), (1, 2, 0))
 
 
 def write_inputs(folder: Path, arrays: int, meshes: int, lenses: int, pixels: int) -> None:
-    """Writes PNGs and GLBs, all of them different, where they are not there yet."""
+    """Writes PNGs and GLBs, all of them different, unless they exist already."""
     folder.mkdir(parents=True, exist_ok=True)
     rendered = {}
     for number in range(arrays):
@@ -38,7 +38,7 @@ def write_inputs(folder: Path, arrays: int, meshes: int, lenses: int, pixels: in
 
 
 def _make_mesh(seed: int) -> bytes:
-    """A ball with bumps, in colours."""
+    """Makes a ball with bumps, in colours."""
     random = np.random.default_rng(seed)
     mesh = trimesh.creation.icosphere(subdivisions=5)
     waves = random.normal(size=(4, 3)) * 3

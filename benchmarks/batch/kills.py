@@ -1,4 +1,4 @@
-"""A batch on a cluster whose workers are killed again and again, and whose scheduler is killed once."""
+"""Runs a batch on a cluster whose workers are killed again and again, and whose scheduler is killed once."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 WORKERS = 2
 KILL_SECONDS = 5.0
 SCHEDULER_KILL = 3
-"""In place of the kill of this number the scheduler is killed."""
+"""The number of the kill that hits the scheduler instead of a worker."""
 
 
 def run_with_kills(inputs: Path, out: Path, options: list[str]) -> dict[str, Any]:
     """Runs the command on a cluster; returns what happened and the summary.
 
-    A worker is killed every `KILL_SECONDS`, one after the other, and once the scheduler.
+    A worker is killed every `KILL_SECONDS`, one after the other, and the scheduler once.
     """
     with open_cluster(WORKERS) as cluster:
         done = threading.Event()

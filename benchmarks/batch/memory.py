@@ -1,4 +1,4 @@
-"""The most memory that a command and all its processes hold at once.
+"""Measures the most memory that a command and all its processes hold at once.
 
 python -m ciir.benchmarks.batch.memory batch film.mp4 -o out --lenses 100x100
 """
@@ -19,18 +19,18 @@ LOOK_SECONDS = 0.1
 
 
 class Usage(NamedTuple):
-    """What a command took."""
+    """The time and memory that a command took."""
 
     seconds: float
     total: int
-    """Bytes of all processes together, shared ones once."""
+    """Bytes of all processes together; shared ones count once."""
     largest: int
     """Resident bytes of the largest process."""
     status: int
 
 
 def measure(arguments: Sequence[str]) -> Usage:
-    """Runs `ciir` with these arguments."""
+    """Runs `ciir` with these arguments and measures it."""
     begun, total, largest = time.perf_counter(), 0, 0
     with subprocess.Popen([sys.executable, "-m", "ciir", *arguments]) as process:
         top = psutil.Process(process.pid)
@@ -50,7 +50,7 @@ def _list_children(top: psutil.Process) -> list[psutil.Process]:
 
 
 def _read_sizes(process: psutil.Process) -> tuple[int, int]:
-    """Bytes with shared ones counted by their share, and resident bytes; 0 for a process that has ended."""
+    """Returns bytes with shared ones counted by their share, and resident bytes; 0 for a process that has ended."""
     try:
         info = process.memory_full_info()
     except (psutil.NoSuchProcess, psutil.AccessDenied):

@@ -1,8 +1,8 @@
-"""How many workers a scheduler feeds: its own time for each task, with simulated workers that answer when a task's
-recorded time has passed.
+"""Measures how many workers a scheduler feeds: its own time for each task, with simulated workers.
 
-The scheduler is Dask's, in a process of its own, and the client is that of `ciir batch`; only the workers' work is left
-out. They register, take tasks, report them as finished, hand out outcomes and send heartbeats as real ones do.
+Simulated workers answer when a task's recorded time has passed. The scheduler is Dask's, in a process of its own, and
+the client is that of `ciir batch`; only the workers' work is left out. They register, take tasks, report them as
+finished, hand out outcomes and send heartbeats as real ones do.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from multiprocessing.process import BaseProcess
 
 HEARTBEAT_SECONDS = 5.0
-"""Less often with more workers, as of real ones; the scheduler says how often."""
+"""The first interval. With more workers heartbeats become rarer, as with real ones; the scheduler sets the interval."""
 METRICS: dict[str, Any] = {
     "task_counts": {},
     "bandwidth": {"total": 1e8, "workers": {}, "types": {}},
@@ -51,25 +51,25 @@ METRICS: dict[str, Any] = {
     "time": 0.0,
     "host_net_io": {},
 }  # fmt: skip
-"""Of a worker's heartbeat."""
+"""Metrics of a worker's heartbeat."""
 
 
 @dataclass(frozen=True)
 class Result:
-    """What a simulation shows."""
+    """The result of a simulation."""
 
     tasks: int
     workers: int
     mean_ms: float
-    """Of the tasks."""
+    """Mean length of the tasks."""
     seconds: float
-    """From the first task to the last."""
+    """Seconds from the first task to the last."""
     scheduler_ms: float
     """Processor time of the scheduler for each task."""
     client_ms: float
 
     def count_workers(self, task_seconds: float) -> int:
-        """How many workers keep busy with tasks of that length before the scheduler is."""
+        """Returns how many workers are kept busy with tasks of that length before the scheduler is saturated."""
         return int(1000 * task_seconds / self.scheduler_ms)
 
 
@@ -130,7 +130,7 @@ def _run_workers(address: str, count: int, lengths: list[float], ready: Connecti
 
 
 class SimulatedWorker:
-    """Speaks as a worker of one thread to the scheduler, and waits in place of working."""
+    """A worker of one thread that communicates with the scheduler and waits instead of working."""
 
     def __init__(self, scheduler: str, number: int, lengths: list[float], chance: random.Random) -> None:
         self._server = Server({"get_data": self.send_outcomes})
@@ -141,7 +141,7 @@ class SimulatedWorker:
         self._type = dumps(Outcome)
 
     async def register(self) -> None:
-        """Listens, and reports to the scheduler."""
+        """Listens, and registers with the scheduler."""
         await self._server.listen("tcp://127.0.0.1:0")
         self._comm = await connect(self._scheduler)
         about = {

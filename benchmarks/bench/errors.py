@@ -15,20 +15,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Error:
-    """Of Y (ITU-R BT.601, 8-bit levels), over all pixels of all pictures together. No border is cut."""
+    """The error of Y (ITU-R BT.601, 8-bit levels) over all pixels of all pictures together. No border is cut."""
 
     rmse: float
-    """Root of the mean square difference, levels."""
+    """Root of the mean square difference, in levels."""
     psnr: float
-    """dB; inf where equal."""
+    """dB; inf if equal."""
     ssim: float
     """Mean of the similarity map, at most 1 (Wang et al. 2004); NaN for pictures smaller than its 11x11 window."""
 
 
 def compare(pictures: NDArray[np.uint8], truth: NDArray[np.uint8], mask: NDArray[np.bool_] | None = None) -> Error:
-    """`pictures` and `truth`: `(n, H, W, 3)` 8-bit RGB. `mask`: `(n, H, W)`, the pixels that count; None: all.
+    """Compares `pictures` with `truth`, both `(n, H, W, 3)` 8-bit RGB. `mask`: `(n, H, W)`, the pixels that count;
+    None: all.
 
-    Raises `ValueError` where the shapes differ or no pixel counts.
+    Raises `ValueError` if the shapes differ or no pixel counts.
     """
     if pictures.shape != truth.shape:
         raise ValueError(f"pictures of {pictures.shape} can't be compared with a truth of {truth.shape}")
@@ -49,7 +50,7 @@ def compare(pictures: NDArray[np.uint8], truth: NDArray[np.uint8], mask: NDArray
 def find_worst_window(
     picture: NDArray[np.uint8], truth: NDArray[np.uint8], other: NDArray[np.uint8], *, side: int
 ) -> tuple[slice, slice]:
-    """The window of at most `side x side` pixels in which `picture` is worst against `other`, all `(H, W, 3)`."""
+    """Finds the window of at most `side x side` pixels in which `picture` is worst against `other`, all `(H, W, 3)`."""
     errors = [np.square(one.astype(np.int64) - truth).sum(axis=-1) for one in (picture, other)]
     height, width = (min(side, length) for length in truth.shape[:2])
     total = np.pad(errors[0] - errors[1], ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)

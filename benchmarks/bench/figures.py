@@ -1,4 +1,4 @@
-"""The benchmark's figures: time against error with its frontier, and crops side by side."""
+"""Draws the benchmark's figures: time against error with its frontier, and crops side by side."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SIDE = 40
 
 
 def plot_pareto(points: Sequence[Point], path: Path, *, title: str) -> None:
-    """Time against error with the frontier, a panel for each lens array and sampling."""
+    """Plots time against error with the frontier, a panel for each lens array and sampling."""
     from matplotlib.figure import Figure
 
     panels = list(dict.fromkeys((point.sampling, point.lenses) for point in points))
@@ -39,7 +39,7 @@ def plot_pareto(points: Sequence[Point], path: Path, *, title: str) -> None:
 
 
 def _plot_panel(panel: Axes, points: Sequence[Point]) -> None:
-    """Direct rendering, whose error is a hundred times smaller, is a dotted line at its time."""
+    """Draws a panel. Direct rendering, whose error is a hundred times smaller, is a dotted line at its time."""
     for number, point in enumerate(points):
         label, colour = f"{point.method}: {point.milliseconds:.1f} ms, {point.rmse:.2f}", f"C{number % 10}"
         if point.kind == DIRECT:
@@ -55,7 +55,7 @@ def _plot_panel(panel: Axes, points: Sequence[Point]) -> None:
 
 
 def plot_crops(results: Sequence[Result], path: Path, *, methods: Sequence[str]) -> None:
-    """A crop of each centre view by each of `methods`, where nearest-neighbour's error is largest."""
+    """Draws a crop of each centre view by each of `methods`, where nearest-neighbour's error is largest."""
     from matplotlib.figure import Figure
 
     shown = [result for result in results if min(result.work.truth.shape[1:3]) >= SIDE]

@@ -1,4 +1,4 @@
-"""The ways to a view of twice the resolution."""
+"""The methods that produce a view of twice the resolution."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ciir.benchmarks.bench.work import Work
 
 PAPER = "paper"
-"""The paper's generator, which times are compared with."""
+"""The paper's generator, with which times are compared."""
 DIRECT = "direct rendering"
 
 
@@ -31,23 +31,27 @@ class Method:
 
     name: str
     options: Mapping[str, Any]
-    """Those that differ from the work's options."""
+    """The options that differ from the work's."""
     macs_per_output_pixel: float | None
-    """Multiply-adds of the network; None where there is none."""
+    """Multiply-adds of the network; None if there is none."""
     kind: str
     """`interpolation`, `float network`, `int8 network`, `light-field network`, `nothing skipped` or `DIRECT`."""
 
     def suits(self, work: Work) -> bool:
-        """Whether the method can do this work: only a mesh can be rendered."""
+        """Returns whether the method can do this work: only a mesh can be rendered."""
         return work.kind == "mesh" or self.kind != DIRECT
 
     def reconstruct(self, work: Work) -> tuple[NDArray[np.uint8], str | None]:
-        """The views of `work.truth` as this method computes them, `(n, H, W, 3)`, and the backend that rendered."""
+        """Returns the views of `work.truth` as this method computes them, `(n, H, W, 3)`, and the backend that
+        rendered.
+        """
         pictures, report = reconstruct_views(work.source, replace(work.options, **self.options))
         return pictures, report["plan"]["backend"]
 
     def time_job(self, work: Work) -> dict[str, float]:
-        """Milliseconds of each stage and in all (`total`) of one whole job: the centre view, from bytes to PNG."""
+        """Returns the milliseconds of each stage and in all (`total`) of one whole job: the centre view, from bytes to
+        PNG.
+        """
         options = replace(work.options, views="center", **self.options)
         begun = time.perf_counter()
         report = reconstruct(work.source, options, FileWriter(io.BytesIO(), None))
@@ -56,7 +60,7 @@ class Method:
 
 
 def list_methods() -> tuple[list[Method], dict[str, str]]:
-    """All methods, cheap ones first, and the networks that are left out: name -> why."""
+    """Returns all methods, cheap ones first, and the networks that are left out: name -> reason."""
     found: list[Method] = []
     left_out: dict[str, str] = {}
     for entry in catalogue.list_entries():

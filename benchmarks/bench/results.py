@@ -29,7 +29,7 @@ NUMBERS = (
     "times_faster_than_paper",
     *(f"{name}_{where}" for where in ("all", "object") for name in ("rmse", "psnr", "ssim")),
 )
-"""Columns of a row; None where a method failed, or where there is no object."""
+"""Columns of a row; None if a method failed, or if there is no object."""
 
 
 @dataclass(eq=False)
@@ -53,11 +53,11 @@ class Point:
     milliseconds: float
     """Geometric mean of the inputs' medians."""
     rmse: float
-    """Levels; root of the mean square over the inputs."""
+    """Root of the mean square over the inputs, in levels."""
 
 
 def measure(work: Work, methods: Sequence[Method], rounds: int) -> Result:
-    """Pictures, errors and times of each method; the row of one that fails holds its `error`."""
+    """Measures pictures, errors and times of each method; the row of one that fails holds its `error`."""
     pictures: dict[str, NDArray[np.uint8]] = {}
     rows: dict[str, Row] = {}
     suited = [method for method in methods if method.suits(work)]
@@ -75,7 +75,7 @@ def measure(work: Work, methods: Sequence[Method], rounds: int) -> Result:
         } | dict.fromkeys(NUMBERS)
         try:
             views, row["backend"] = method.reconstruct(work)
-        except Exception as error:  # noqa: BLE001 - any error is printed in the place of the numbers
+        except Exception as error:  # noqa: BLE001 - any error is printed in place of the numbers
             row["error"] = f"{type(error).__name__}: {error}"
             continue
         pictures[method.name] = views
@@ -92,7 +92,7 @@ def measure(work: Work, methods: Sequence[Method], rounds: int) -> Result:
 
 
 def group_rows(rows: Iterable[Row]) -> dict[tuple[str, str], dict[str, list[Row]]]:
-    """(sampling, lenses) -> method -> its rows, one for each input; small lens arrays first."""
+    """Groups rows by (sampling, lenses), then by method, with one row for each input; small lens arrays come first."""
     groups: dict[tuple[str, str], dict[str, list[Row]]] = {}
     for row in sorted(rows, key=lambda row: (row["sampling"], int(row["lenses"].partition("x")[0]))):
         groups.setdefault((row["sampling"], row["lenses"]), {}).setdefault(row["method"], []).append(row)
@@ -100,7 +100,7 @@ def group_rows(rows: Iterable[Row]) -> dict[tuple[str, str], dict[str, list[Row]
 
 
 def average_rows(rows: Iterable[Row]) -> list[Point]:
-    """Means over inputs, for each sampling, lens array and method that failed on none of them."""
+    """Returns means over inputs, for each sampling, lens array and method that failed on none of them."""
     found = []
     for (sampling, lenses), methods in group_rows(rows).items():
         for method, some in methods.items():
@@ -112,9 +112,9 @@ def average_rows(rows: Iterable[Row]) -> list[Point]:
 
 
 def find_frontier(points: Iterable[Point]) -> list[Point]:
-    """The methods that no other beats in both time and error, fastest first.
+    """Returns the methods that no other beats in both time and error, fastest first.
 
-    Direct rendering is left out: it needs the mesh, and with it there is nothing to upscale.
+    Direct rendering is left out, because it needs the mesh, and with the mesh there is nothing to upscale.
     """
     best: list[Point] = []
     for point in sorted(points, key=lambda point: (point.milliseconds, point.rmse)):
@@ -124,7 +124,7 @@ def find_frontier(points: Iterable[Point]) -> list[Point]:
 
 
 def replace_infinite(value: Any) -> Any:
-    """The value with infinity and NaN, which JSON lacks, as the strings `inf`, `-inf` and `nan`."""
+    """Replaces infinity and NaN, which JSON lacks, by the strings `inf`, `-inf` and `nan`."""
     if isinstance(value, dict):
         return {key: replace_infinite(item) for key, item in value.items()}
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""The whole benchmark: measures, and writes tables and figures."""
+"""Runs the whole benchmark: measures, and writes tables and figures."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ PSNR without exact results; pareto.png has geometric means of times and root mea
 
 @dataclass(frozen=True)
 class BenchOptions:
-    """What to measure."""
+    """The inputs, arrays and number of rounds to measure."""
 
     sources: Mapping[str, Source] = field(default_factory=lambda: {name: name for name in SCENES})
     """Name -> scene, mesh, elemental image array or set of views."""
     lenses: Sequence[int] = LENSES
-    """Of the arrays in front of a mesh."""
+    """Lens counts of the arrays in front of a mesh."""
     array: Options = field(default_factory=Options)
     """How to read an elemental image array."""
     rounds: int = ROUNDS
@@ -57,7 +57,7 @@ QUICK = BenchOptions(sources={"globe": "globe"}, lenses=(25, 50), rounds=3)
 
 
 def bench(options: BenchOptions, out: Path) -> dict[str, Any]:
-    """Measures, writes `results.json`, `results.csv`, `results.md` and the figures into `out`; returns the results.
+    """Measures, writes `results.json`, `results.csv`, `results.md` and the figures into `out`, and returns the results.
 
     Raises the input errors of `ciir.errors`.
     """
@@ -124,6 +124,6 @@ def bench(options: BenchOptions, out: Path) -> dict[str, Any]:
 
 
 def _format_frontier(where: str, names: Sequence[str]) -> str:
-    """The methods that no other beats in both time and error, and whether the default is one of them."""
+    """Names the methods that no other beats in both time and error, and says whether the default is one of them."""
     note = "" if default_name() in names else f" (not the default, `{default_name()}`)"
     return f"- {where}: {', '.join(f'`{name}`' for name in names)}{note}"

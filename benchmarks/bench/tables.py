@@ -1,4 +1,4 @@
-"""The results as Markdown."""
+"""Formats the results as Markdown."""
 
 from __future__ import annotations
 
@@ -23,17 +23,19 @@ COLUMNS = {
     "object: PSNR": "{psnr_object:.2f}",
     "object: SSIM": "{ssim_object:.4f}",
 }
-"""Heading -> format of its cell; `-` where a number is missing."""
+"""Heading -> format of its cell; `-` if a number is missing."""
 
 
 def format_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    """A Markdown table, an empty line at its end."""
+    """Formats a Markdown table, followed by an empty line."""
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     return [*lines, *("| " + " | ".join(row) + " |" for row in rows), ""]
 
 
 def average(values: Sequence[float | None]) -> float | None:
-    """The mean; None where a value is missing. Infinite ones, PSNRs of exact pictures, count only where all are."""
+    """Returns the mean; None if a value is missing. Infinite values, PSNRs of exact pictures, count only if all are
+    infinite.
+    """
     known = [value for value in values if value is not None]
     if not known or len(known) < len(values):
         return None
@@ -42,7 +44,7 @@ def average(values: Sequence[float | None]) -> float | None:
 
 
 def format_results(rows: Iterable[Mapping[str, Any]]) -> list[str]:
-    """A table for each sampling and lens array, means over its inputs; below it the methods that failed."""
+    """Formats a table for each sampling and lens array, with means over its inputs, then the methods that failed."""
     lines: list[str] = []
     for (sampling, lenses), methods in group_rows(map(dict, rows)).items():
         every = [row for some in methods.values() for row in some]

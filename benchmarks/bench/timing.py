@@ -1,4 +1,4 @@
-"""Times of jobs that run in turn in one process, so that a slower or faster machine affects all alike."""
+"""Times jobs that run in turn in one process, so that a slower or faster machine affects all alike."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Times:
     stages: Mapping[str, float]
     """Median of each stage."""
     ratio: float | None = None
-    """The reference's time over this one's, median over rounds: how many times faster than the reference."""
+    """The reference's time divided by this one's, median over rounds: how many times faster than the reference."""
 
 
 def time_in_rounds(jobs: Mapping[str, Callable[[], Stages]], rounds: int, *, reference: str = "") -> dict[str, Times]:
@@ -38,8 +38,9 @@ def time_in_rounds(jobs: Mapping[str, Callable[[], Stages]], rounds: int, *, ref
 
 
 def time_call(work: Callable[[], object]) -> Stages:
-    """Calls `work` once and returns its wall-clock time, as a job of `time_in_rounds`, and as stage `cpu` the processor
-    time of this process and of those that it waited for.
+    """Calls `work` once, as a job of `time_in_rounds`.
+
+    Returns its wall-clock time and, as stage `cpu`, the processor time of this process and of those that it waited for.
     """
     begun, worked = time.perf_counter(), sum(os.times()[:4])
     work()

@@ -1,4 +1,4 @@
-"""Pieces of work: an input seen through a lens array, and the true views that upscaling is compared with."""
+"""Pieces of work: an input seen through a lens array, and the true views with which upscaling is compared."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 
 SCALE = 2
 PIXELS = (15, 15)
-"""Under each lens of a mesh by default."""
+"""Pixels under each lens for a mesh by default."""
 LEAST = 4
-"""Pixels: shorter views of a light field can't be halved for a `pinhole` array."""
+"""In pixels: smaller views of a light field can't be halved for a `pinhole` array."""
 SAMPLINGS: tuple[Sampling, ...] = ("pinhole", "lenslet")
 
 
@@ -56,12 +56,12 @@ class Work:
 
 
 def convert_to_rgb(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """`(..., C)`, C from 1 to 4, as `(..., 3)`; alpha is dropped."""
+    """Converts `(..., C)`, C from 1 to 4, to `(..., 3)`; alpha is dropped."""
     return np.repeat(pixels[..., :1], 3, axis=-1) if pixels.shape[-1] < 3 else pixels[..., :3]
 
 
 def reconstruct_views(source: Source, options: Options) -> tuple[NDArray[np.uint8], Report]:
-    """The views that `options` select, `(n, H, W, 3)` 8 bit, and the report; 16 bits count as if all were used."""
+    """Returns the views that `options` select, `(n, H, W, 3)` 8 bit, and the report. 16 bits count as fully used."""
     writer = MemoryWriter()
     report = reconstruct(source, options, writer)
     pixels = np.stack(list(writer.views.values()))
@@ -71,10 +71,12 @@ def reconstruct_views(source: Source, options: Options) -> tuple[NDArray[np.uint
 
 
 def list_works(source: Source, name: str, *, lenses: Sequence[int], array: Options) -> Iterator[Work]:
-    """The pieces of work for `source`: for a mesh one for each count of `lenses` and sampling; for an elemental
-    image array or a set of views one for each sampling, at half its own resolution.
+    """Yields the pieces of work for `source`.
 
-    `array`: what reads an elemental image array (`lenses`, `pixels`, `pickup`); a mesh is seen through its `pixels`.
+    For a mesh, there is one for each count of `lenses` and sampling; for an elemental image array or a set of views,
+    one for each sampling, at half its own resolution.
+
+    `array`: how an elemental image array is read (`lenses`, `pixels`, `pickup`); a mesh is seen through its `pixels`.
     Raises the input errors of `ciir.errors`.
     """
     if isinstance(Input(source).read(array), Scene):
@@ -85,7 +87,7 @@ def list_works(source: Source, name: str, *, lenses: Sequence[int], array: Optio
 
 
 def _list_mesh_works(source: Source, name: str, count: int, pixels: tuple[int, int]) -> Iterator[Work]:
-    """Work for a mesh, whose truth is rendered by rays."""
+    """Yields work for a mesh, whose truth is rendered by rays."""
     options = Options(lenses=(count, count), pixels=pixels, views="cross", scale=SCALE)
     direct = replace(options, strategy="direct", backend="raytrace")
     truth = reconstruct_views(source, direct)[0]
@@ -97,7 +99,7 @@ def _list_mesh_works(source: Source, name: str, count: int, pixels: tuple[int, i
 
 
 def _list_light_field_works(source: Source, name: str, array: Options) -> Iterator[Work]:
-    """Work for a light field: its views are the truth for those of a lens array with twice the pitch."""
+    """Yields work for a light field: its views are the truth for those of a lens array with twice the pitch."""
     every, report = reconstruct_views(source, replace(array, views="all", model="none", scale=1))
     v, u = report["lens_array"]["pixels_v"], report["lens_array"]["pixels_u"]
     if min(every.shape[1:3]) < LEAST:
@@ -113,10 +115,10 @@ def _list_light_field_works(source: Source, name: str, array: Options) -> Iterat
 
 
 def halve(pictures: NDArray[np.uint8], sampling: Sampling) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """LR and HR of `(n, H, W, 3)` pictures, phase exact, cut to whole cells.
+    """Returns LR and HR of `(n, H, W, 3)` pictures, phase exact, cut to whole cells.
 
     `lenslet`: LR is the mean of 2x2 pixels. `pinhole`: a point must be smaller than a pixel of the truth, so HR is the
-    picture at half its size, and LR the mean of the middle 2x2 of 4x4 pixels (as `training.data.downscale`).
+    picture at half its size, and LR the mean of the middle 2x2 of 4x4 pixels (as in `training.data.downscale`).
     """
     cell = 2 * SCALE if sampling == "pinhole" else SCALE
     rows, cols = (length // cell for length in pictures.shape[1:3])

@@ -1,1 +1,1 @@
-"""Depth planes and disparity against exact depth."""
+"""Compares depth planes and disparity with exact depth."""

@@ -1,15 +1,16 @@
-"""Measures disparity maps against exact depth, with their time and memory.
+"""Compares disparity maps with exact depth, and measures their time and memory.
 
     python -m ciir.benchmarks.focus.depth [--meshes ../shared/data/meshes] [--only NAME ...] [--side 512] [--noise 10]
     python -m ciir.benchmarks.focus.depth --upscale [--meshes ...] [--only NAME ...] [--side 256]
 
-`bad`: BadPix(0.07), the share of pixels that are wrong by more than 0.07 pixels a view; `mse`: 100 times the mean
+`bad`: BadPix(0.07), the share of pixels that are wrong by more than 0.07 pixels a view. `mse`: 100 times the mean
 square error (Honauer et al., ACCV 2016: the measures of the HCI 4D light field benchmark, here over all pixels). `MB`:
-the peak of the process, and by how much `LightField.disparity` raised it.
+the peak of the process, and how much `LightField.disparity` raised it.
 
-`--upscale`: the disparity of views upscaled to `--side` pixels by the default, against that of the views of half the
-side, twice as large by linear interpolation; and PSNR of the plane at the median disparity, against that of the exact
-views, of the plane of the small views, twice as large by cubic interpolation, and of that of the upscaled ones.
+`--upscale` compares the disparity of views upscaled to `--side` pixels by the default with that of views of half the
+side, doubled in size by linear interpolation. It also gives the PSNR of the plane at the median disparity against that
+of the exact views: for the plane of the small views, doubled in size by cubic interpolation, and for the plane of the
+upscaled views.
 """
 
 from __future__ import annotations
@@ -37,23 +38,24 @@ if TYPE_CHECKING:
     Map = NDArray[np.float32]
 
 BAD = 0.07
-"""Pixels a view by which the disparity of a bad pixel is wrong at least."""
+"""The least error of a bad pixel's disparity, in pixels a view."""
 HEAD = f"{'':16s}" + "".join(f"{word:>9s}" for word in ("least", "most", "bad %", "mse", "seconds", "MB", "added"))
 _UPSCALED = ("bad %", "mse", "upscaled", "mse", "plane dB", "upscaled")
 HEAD_UPSCALED = f"{'':16s}" + "".join(f"{word:>9s}" for word in _UPSCALED)
 
 
 def score_map(found: Map, true: Map) -> tuple[float, float]:
-    """BadPix(0.07) in percent, and 100 times the mean square error."""
+    """Returns BadPix(0.07) in percent, and 100 times the mean square error."""
     error = np.abs(found - true)
     return 100 * float((error > BAD).mean()), 100 * float(np.square(error).mean())
 
 
 def measure_peak(work: Callable[[], None]) -> tuple[int, int]:
-    """The peak of this process during `work`, and how far above its start, in MB; 0 where the system doesn't count it.
+    """Returns the peak of this process during `work`, and how far that is above its start, in MB; 0 if the system
+    doesn't count it.
 
-    Linux counts it in `VmHWM`, which a 5 in `clear_refs` sets back (man 5 proc). Memory that is free, but kept for the
-    next call, is given back before.
+    Linux counts it in `VmHWM`, which a 5 in `clear_refs` resets (man 5 proc). Memory that is free, but kept for the
+    next call, is given back first.
     """
     clear, status = Path("/proc/self/clear_refs"), Path("/proc/self/status")
     if not clear.exists():
@@ -101,7 +103,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _measure_upscaled(name: str, meshes: Path, side: int) -> NDArray[np.float64]:
-    """The numbers of a line of `--upscale`."""
+    """Returns the numbers of a line of `--upscale`."""
     small = render_exact(name, meshes, side=side // 2).light_field
     exact = render_exact(name, meshes, side=side)
     large, middle = upscale(small), float(np.median(exact.disparity))
@@ -114,7 +116,7 @@ def _measure_upscaled(name: str, meshes: Path, side: int) -> NDArray[np.float64]
 
 
 def _measure(name: str, meshes: Path, side: int, noise: float) -> NDArray[np.float64]:
-    """The numbers of a line."""
+    """Returns the numbers of a line."""
     scene = render_exact(name, meshes, side=side)
     views = scene.light_field.views
     if noise:

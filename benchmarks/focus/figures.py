@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DEPTHS = (30, 50, 75, 105, 140, 200)
-"""Of the stack, millimetres."""
+"""Depths of the stack, in millimetres."""
 LINES = (60, 120, 150)
 """Rows of the centre view with epipolar plane images."""
 ZOOM, HEIGHT = 2, 6
@@ -46,7 +46,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def draw_stack(light_field: ciir.LightField) -> NDArray[np.uint8]:
-    """Planes at `DEPTHS`, half as large, in rows of three."""
+    """Draws planes at `DEPTHS`, at half size, in rows of three."""
     cameras = ciir.DepthScale.of_cameras(pitch=2, focal_length=35, sensor_width=36, columns=light_field.views.shape[3])
     planes = [picture[..., :3] for picture in light_field.planes(cameras.to_disparity(DEPTHS))]
     small = np.array([np.asarray(Image.fromarray(plane).reduce(2)) for plane in planes])
@@ -54,7 +54,7 @@ def draw_stack(light_field: ciir.LightField) -> NDArray[np.uint8]:
 
 
 def draw_epi(light_field: ciir.LightField) -> NDArray[np.uint8]:
-    """The centre view with `LINES` in white, and below it their epipolar plane images."""
+    """Draws the centre view with `LINES` in white, and below it their epipolar plane images."""
     view = light_field.view(*center_view(*light_field.views.shape[:2])).copy()
     view[LINES, :] = 255
     rows = [view.repeat(ZOOM, 0)]

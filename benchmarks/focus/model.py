@@ -3,10 +3,13 @@
     python -m ciir.benchmarks.focus.model [--meshes ../shared/data/meshes] [--only NAME ...] [--lenses 100]
                                           [--pixels 15] [--sampling pinhole|lenslet]
 
-`mean`, `worst`: PSNR in dB over all views, of which the model is made, and of the worst; `between`: over the views half
-way between them, of which it is not; `moved`: of the mesh itself there, moved right and up by a tenth of a pixel: how
-much the sampling alone makes of so small an error. `median`, `95 %`: by how much the disparity of the model's surface
-differs from the mesh's, over the lenses of the centre view that see both. `seconds`: of `LightField.model`.
+- `mean`, `worst`: PSNR in dB over all views that the model is made from, and of the worst of them.
+- `between`: PSNR over the views half way between them, which the model is not made from.
+- `moved`: PSNR there of the mesh itself, moved right and up by a tenth of a pixel. It shows what sampling alone makes
+  of so small an error.
+- `median`, `95 %`: how much the disparity of the model's surface differs from the mesh's, over the lenses of the centre
+  view that see both.
+- `seconds`: the time of `LightField.model`.
 """
 
 from __future__ import annotations
@@ -46,10 +49,10 @@ def main(argv: list[str] | None = None) -> int:
     """Prints a line for each mesh."""
     parser = argparse.ArgumentParser(prog="benchmarks.focus.model", description=main.__doc__)
     parser.add_argument("--meshes", type=Path, default=Path("../shared/data/meshes"), help="folder of meshes")
-    parser.add_argument("--only", nargs="+", metavar="NAME", help="some of them")
-    parser.add_argument("--lenses", type=int, default=100, help="along each side of the array")
-    parser.add_argument("--pixels", type=int, default=15, help="under a lens along each side")
-    parser.add_argument("--sampling", choices=get_args(Sampling), default="pinhole", help="of both arrays")
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="only these meshes")
+    parser.add_argument("--lenses", type=int, default=100, help="lenses along each side of the array")
+    parser.add_argument("--pixels", type=int, default=15, help="pixels along each side under a lens")
+    parser.add_argument("--sampling", choices=get_args(Sampling), default="pinhole", help="sampling of both arrays")
     args = parser.parse_args(argv)
     print(HEAD)
     for path in sorted(args.meshes.iterdir()):
@@ -62,7 +65,7 @@ def main(argv: list[str] | None = None) -> int:
 def _measure(
     path: Path, lenses: int, pixels: int, sampling: Sampling
 ) -> tuple[float, float, float, float, float, float, int, float]:
-    """The numbers of a line."""
+    """Returns the numbers of a line."""
     render = partial(ciir.render, lenses=(lenses, lenses), pixels=(pixels, pixels), sampling=sampling)
     captured = render(path)
     begun = time.perf_counter()
@@ -93,7 +96,7 @@ def _to_psnr(error: np.floating) -> float:
 
 
 def _render(scene: Scene, array: LensArray, sampling: Sampling) -> NDArray[np.float32]:
-    """The elemental image array of a scene in place, RGB in 8-bit levels."""
+    """Renders the elemental image array of a scene in place, RGB in 8-bit levels."""
     rays = array.rows * array.cols * array.pixels_v * array.pixels_u
     backend, _ = open_backend("raytrace", triangles=scene.triangles, rays=rays, is_see_through=False)
     samples = LENSLET_SAMPLES if sampling == "lenslet" else 1
@@ -101,7 +104,7 @@ def _render(scene: Scene, array: LensArray, sampling: Sampling) -> NDArray[np.fl
 
 
 def _find_disparity(scene: Scene, array: LensArray) -> NDArray[np.float32]:
-    """Of the centre view, `(rows, cols)`, in pixels a view; infinite where nothing is seen."""
+    """Returns the disparity of the centre view, `(rows, cols)`, in pixels a view; infinite where nothing is seen."""
     backend, _ = open_backend("raytrace", triangles=scene.triangles, rays=array.rows * array.cols, is_see_through=False)
     (depth,) = backend.render_depth(scene, array, [center_view(array.pixels_v, array.pixels_u)])
     return depth * np.float32(array.delta / array.pitch)

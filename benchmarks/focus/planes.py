@@ -1,11 +1,11 @@
-"""Measures depth planes: their time beside plain numpy and plenopticam, and how it grows.
+"""Compares the time of depth planes with plain numpy and plenopticam, and measures how it grows.
 
     python -m ciir.benchmarks.focus.planes [--plenopticam PYTHON] [--rounds 5]
 
 PYTHON: the interpreter of an environment of its own that has plenopticam from PyPI. In each round each method refocuses
-the same views; times are medians, and ratios medians of those within rounds: other processes slow down all alike.
-`cpu`: seconds of processor time, over all threads. `error`: RMS in 8-bit levels of the plane that is in focus, against
-the exact picture, away from borders.
+the same views. Times are medians, and ratios are medians of the ratios within rounds, because other processes slow down
+all methods alike. `cpu`: seconds of processor time, over all threads. `error`: RMS in 8-bit levels of the plane that is
+in focus, against the exact picture, away from borders.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ if TYPE_CHECKING:
 
     Planes = NDArray[np.floating]
     Timed = tuple[float, float, Planes]
-    """Seconds of processor time and of wall time, and what was made."""
+    """Seconds of processor time and of wall time, and the planes."""
     _Tap = tuple[np.float32, slice, slice]
 
 HEAD = f"{'':14s}{'cpu':>8s}{'wall':>8s}{'x cpu':>8s}{'x wall':>8s}{'error':>8s}"
 BORDER = 0.25
-"""Of a side: what is not compared, as methods differ where not all views reach."""
+"""The share of a side that is not compared, because methods differ where not all views reach."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,15 +47,17 @@ class Array:
     """Views of a plane, and the disparities to refocus to."""
 
     views: int
-    """Along each side of the grid."""
+    """Views along each side of the grid."""
     side: int
-    """Of a view, pixels."""
+    """Pixels along each side of a view."""
     disparities: NDArray[np.float64]
     plane: int
-    """Which of `disparities` is in focus."""
+    """The index of the disparity that is in focus."""
 
     def make(self) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-        """Views, and the picture from the middle of the grid `(side, side, 3)`: waves of up to 0.25 cycles a pixel."""
+        """Makes the views, and the picture from the middle of the grid `(side, side, 3)`: waves of up to 0.25 cycles a
+        pixel.
+        """
         random = np.random.default_rng(0)
         angle, frequency = random.uniform(0, 2 * np.pi, (2, 3, 40)) * [[[1]], [[1 / 4]]]  # radians: channels, waves
         phase, down, across = (
@@ -76,7 +78,7 @@ class Array:
 
 
 def shift_by_numpy(views: NDArray[np.uint8], disparities: NDArray[np.float64], *, by_rows: bool = False) -> Planes:
-    """What `refocus` computes, with the same kernel, as sums of shifted arrays: `(planes, H, W, C)`.
+    """Computes the same as `refocus`, with the same kernel, as sums of shifted arrays: `(planes, H, W, C)`.
 
     `by_rows`: the views of a row are added before they are shifted down, which saves half of the work.
     """
@@ -103,8 +105,10 @@ def shift_by_numpy(views: NDArray[np.uint8], disparities: NDArray[np.float64], *
 
 
 def _list_taps(shifts: NDArray[np.float64], length: int) -> tuple[list[list[_Tap]], NDArray[np.float32]]:
-    """For each of `shifts`, weights that are not 0 with the samples to write and, in views with `REACH` more on each
-    side, to read; and how many shifted views reach each sample, `(length,)`.
+    """Lists the weights of each shift that are not 0, and how many shifted views reach each sample, `(length,)`.
+
+    Each weight comes with the samples to write and the samples to read, in views with `REACH` more samples on each
+    side.
     """
     found, reach = [], np.zeros(length, np.float32)
     for shift in np.round(shifts, 9):
@@ -124,7 +128,7 @@ def _list_taps(shifts: NDArray[np.float64], length: int) -> tuple[list[list[_Tap
 
 
 def refocus_all(views: NDArray[np.uint8], disparities: NDArray[np.float64]) -> Planes:
-    """Ours."""
+    """Refocuses with our own method."""
     return np.array(list(refocus(views, disparities)))
 
 
@@ -142,9 +146,9 @@ GROWTH = {
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Prints the methods' times and errors for some arrays, and by which power the time of ours grows."""
+    """Prints the methods' times and errors for some arrays, and the power by which the time of ours grows."""
     parser = argparse.ArgumentParser(prog="benchmarks.focus.planes", description=main.__doc__)
-    parser.add_argument("--plenopticam", metavar="PYTHON", help="an interpreter that has it")
+    parser.add_argument("--plenopticam", metavar="PYTHON", help="an interpreter that has plenopticam")
     parser.add_argument("--rounds", type=int, default=5)
     args = parser.parse_args(argv)
     for index, (title, array) in enumerate(CASES.items()):
@@ -162,7 +166,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def compare(array: Array, rounds: int, python: str | None) -> list[str]:
-    """A line for each method, ours first."""
+    """Returns a line for each method, ours first."""
     views, true = array.make()
     border = int(BORDER * array.side)
     inside = slice(border, -border)
@@ -188,7 +192,9 @@ def compare(array: Array, rounds: int, python: str | None) -> list[str]:
 
 
 def fit_growth(name: str, arrays: list[Array], rounds: int) -> tuple[float, list[float]]:
-    """The power of the count of `name` by which processor time grows, and the least times of `rounds`, in seconds."""
+    """Returns the power of the count of `name` by which processor time grows, and the least times of `rounds`, in
+    seconds.
+    """
     counts = [{"views": a.views**2, "planes": len(a.disparities), "pixels": a.side**2}[name] for a in arrays]
     jobs = [partial(refocus_all, array.make()[0], array.disparities) for array in arrays]
     seconds = np.min([[time_call(job)[0] for job in jobs] for _ in range(rounds)], axis=0)
@@ -196,7 +202,7 @@ def fit_growth(name: str, arrays: list[Array], rounds: int) -> tuple[float, list
 
 
 def time_call(work: Callable[[], Planes]) -> Timed:
-    """Runs `work` in this process."""
+    """Runs `work` in this process and measures its time."""
     cpu, wall = time.process_time(), time.perf_counter()
     planes = work()
     return time.process_time() - cpu, time.perf_counter() - wall, planes
@@ -206,7 +212,7 @@ def time_call(work: Callable[[], Planes]) -> Timed:
 def start_plenopticam(
     python: str, folder: Path, views: NDArray[np.uint8], disparities: NDArray[np.float64]
 ) -> Iterator[Callable[[], Timed]]:
-    """plenopticam in a process of its own."""
+    """Starts plenopticam in a process of its own, and yields a function that runs it."""
     source, target = folder / "views.npy", folder / "planes.npy"
     np.save(source, views)
     limits = int(np.floor(disparities[0])), int(np.floor(disparities[-1])) + 1

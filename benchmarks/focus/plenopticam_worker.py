@@ -1,11 +1,11 @@
-"""Refocuses by plenopticam (Hahne and Aggoun, IEEE TIP 30, 2021), each time that a line is read.
+"""Refocuses with plenopticam (Hahne and Aggoun, IEEE TIP 30, 2021) each time a line is read.
 
     PYTHON plenopticam_worker.py VIEWS.npy PLANES.npy LOW HIGH REFINE
 
-PYTHON: the interpreter of an environment with plenopticam, and without ciir. VIEWS: `(N, N, H, W, 3)`. Planes have the
-whole disparities LOW to HIGH - 1, or where REFINE is 1 nths from LOW on, of views that it enlarges N times. Each answer
-is a line: seconds of processor time, and of wall time. What it does besides refocusing, contrast, gamma and files, is
-left out.
+PYTHON: the interpreter of an environment with plenopticam, and without ciir. VIEWS: `(N, N, H, W, 3)`. The planes have
+the whole disparities LOW to HIGH - 1 or, if REFINE is 1, Nths from LOW on, and plenopticam enlarges the views N times
+for them. Each answer is a line: seconds of processor time, and of wall time. Its steps other than refocusing (contrast,
+gamma and files) are left out.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def main(source: str, target: str, low: str, high: str, refine: str) -> None:
         refocuser = LfpShiftAndSum(vp_img_arr=views, cfg=cfg, sta=PlenopticamStatus())
         refocuser.refo_from_vp()
         seconds = time.process_time() - begun, time.perf_counter() - wall
-        np.save(target, np.stack(refocuser.refo_stack) / len(views))  # it has divided the sums by N once, not twice
+        np.save(target, np.stack(refocuser.refo_stack) / len(views))  # it divides the sums by N once, not twice
         print(*seconds, flush=True)
 
 

@@ -1,7 +1,7 @@
-"""Rendered light fields whose disparity is known exactly: meshes before a textured wall.
+"""Rendered light fields whose disparity is known exactly: meshes in front of a textured wall.
 
-The wall stands 0.15 widths of the lens array behind the mesh, with noise of five octaves on it, so that every pixel has
-texture on one side of an outline at least. The truth is the depth channel of the backend.
+The wall stands 0.15 widths of the lens array behind the mesh. It has noise of five octaves on it, so that every pixel
+has texture on at least one side of an outline. The truth is the depth channel of the backend.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ if TYPE_CHECKING:
 MESHES = (
     "spot", "fuze", "duck.glb", "milk-truck.glb", "earth.gltf", "koala.obj", "boot.obj", "bust-draco.glb", "skull.obj",
 )  # fmt: skip
-"""In a folder of meshes, beside the scenes that ship."""
+"""Meshes in a folder, in addition to the scenes that ship."""
 SIDE, VIEWS = 512, 9
 DELTA = 0.01
-"""Tangent between neighbouring views: with views of 512x512 pixels up to 6 pixels of disparity."""
+"""Tangent between neighbouring views: up to 6 pixels of disparity for views of 512x512 pixels."""
 SAMPLES = 3
 """Rays along each side of a pixel."""
 TEXTURE = 512
 OCTAVES = ((1, 1.0), (2, 1.5), (4, 2.0), (8, 3.0), (16, 4.0))
-"""Standard deviation of the blur in texels, and amplitude."""
+"""Standard deviation of the blur in texels, and amplitude, of each octave."""
 CONTRAST = 45
-"""Standard deviation of the wall's texture, 8-bit levels."""
+"""Standard deviation of the wall's texture, in 8-bit levels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,19 +49,19 @@ class ExactScene:
 
     name: str
     light_field: LightField
-    """RGB, of the depth sense `lenses`."""
+    """RGB, with the depth sense `lenses`."""
     disparity: NDArray[np.float32]
-    """`(H, W)`, in the sense of `renderer.focus.disparity.DisparityMap`."""
+    """The true disparity `(H, W)`, in the sense of `renderer.focus.disparity.DisparityMap`."""
 
 
 def list_scenes(meshes: Path) -> tuple[list[str], list[str]]:
-    """The names of the scenes that can be rendered, and of the meshes that are not in the folder."""
+    """Returns the names of the scenes that can be rendered, and of the meshes that are not in the folder."""
     missing = [name for name in MESHES if not (meshes / name).exists()]
     return [*SCENES, *(name for name in MESHES if name not in missing)], missing
 
 
 def render_exact(name: str, meshes: Path, *, side: int = SIDE, views: int = VIEWS) -> ExactScene:
-    """The scene of a name of `list_scenes` in `views` x `views` views of `side` x `side` pixels."""
+    """Renders the scene `name`, one of `list_scenes`, as `views` x `views` views of `side` x `side` pixels."""
     scene = load_scene(name) if name in SCENES else cast("Scene", inputs.read(Bundle.from_path(meshes / name)))
     array = LensArray(side, side, views, views, delta=DELTA)
     mesh = scene.transform(frame_scene(scene, array))
@@ -76,7 +76,7 @@ def render_exact(name: str, meshes: Path, *, side: int = SIDE, views: int = VIEW
 
 
 def _make_wall(mesh: Scene, array: LensArray, *, seed: int) -> Part:
-    """A square that all views see to their borders."""
+    """Makes a square that all views see up to their borders."""
     distance = 0.15 * array.width - mesh.bounds()[0, 2]
     half = array.width / 2 + float(np.abs(array.tangent_x()).max()) * distance
     corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])

@@ -1,4 +1,4 @@
-"""A case of the harm table: a low-resolution light field, the view that is wanted of it, and its truth."""
+"""A case of the harm table: a low-resolution light field, the wanted view, and its truth."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Case:
     factors: Mapping[str, str]
     """How it was made, such as `degradation` -> `box`, in the order of a label."""
     views: Views
-    """The low-resolution views that a model may see, at least the window around the wanted one."""
+    """The low-resolution views that a model may see: at least the window around the wanted one."""
     at: View
     """Row and column of the wanted view in `views`."""
     truth: Picture
@@ -45,6 +45,6 @@ class Case:
     border: int
     """Pixels that scores leave out along each edge of the truth."""
     source: Scene | LightField
-    """What a user would reconstruct."""
+    """The input that a user would reconstruct."""
     options: Options
     """The options for it, with the model `auto`."""

@@ -1,4 +1,4 @@
-"""The harm table's figure: all margins, and crops of the worst cases."""
+"""Draws the harm table's figure: all margins, and crops of the worst cases."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ if TYPE_CHECKING:
     from ciir.benchmarks.harm.score import Row
 
 CROPS = 10
-"""Cases whose crops are shown."""
+"""How many cases are shown with crops."""
 PER_INPUT = 2
-"""Most of them of one input, so that they differ."""
+"""The most of them for one input, so that they differ."""
 MARGINS = (0.07, 0.1, 0.33, 0.84)
-"""Left, bottom, width and height of the plot of margins, in the figure's sides."""
+"""Left, bottom, width and height of the plot of margins, as shares of the figure's sides."""
 LEFT, TOP = 0.53, 0.96
-"""Of the crops, in the figure's sides."""
+"""Left and top of the crops, as shares of the figure's sides."""
 TICKS = (-10, -5, -2, -1, -0.5, 0, 0.5, 1, 2, 5, 10)
 
 
 def plot_harm(rows: Sequence[Row], path: Path, *, title: str) -> None:
-    """Writes the figure of `rows`, which are sorted, worst first, to `path`."""
+    """Writes the figure of `rows`, which are sorted with the worst first, to `path`."""
     from matplotlib.figure import Figure
 
     worst = _select_worst(rows)
@@ -49,7 +49,7 @@ def plot_harm(rows: Sequence[Row], path: Path, *, title: str) -> None:
 
 
 def _select_worst(rows: Sequence[Row]) -> list[Row]:
-    """The worst rows, at most `PER_INPUT` of each input."""
+    """Returns the worst rows, at most `PER_INPUT` of each input."""
     counts: Counter[str] = Counter()
     chosen: list[Row] = []
     for row in rows:
@@ -60,7 +60,7 @@ def _select_worst(rows: Sequence[Row]) -> list[Row]:
 
 
 def _plot_margins(panel: Axes, rows: Sequence[Row]) -> None:
-    """A strip for each input: a point for each margin."""
+    """Draws a strip for each input, with a point for each margin."""
     names = list(dict.fromkeys(row.input for row in rows))[::-1]
     series = {
         "default - bicubic": [(row.against_bicubic, row.input) for row in rows],
@@ -86,6 +86,6 @@ def _plot_margins(panel: Axes, rows: Sequence[Row]) -> None:
 
 
 def _describe(row: Row) -> str:
-    """The row's label in short lines, and its margins."""
+    """Returns the row's label in short lines, and its margins."""
     lines = [row.input, *row.conditions, f"{row.against_bicubic:+.2f} dB against bicubic"]
     return "\n".join(lines if row.against_single is None else [*lines, f"{row.against_single:+.2f} against single"])

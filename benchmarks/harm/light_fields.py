@@ -1,14 +1,14 @@
 """Cases of light fields: degradation, grid, view, noise, JPEG and order of the views.
 
-All combinations are too many, so factors vary around the middle view of a clean 5x5 grid in the right order:
+All combinations would be too many, so factors vary around the middle view of a clean 5x5 grid in the right order:
 
 - degradation x grid (3x3, 5x5, 9x9, all views) x view (middle, edge, corner);
 - degradation x one of noise (sigma 2, 5), JPEG (90, 75) and order (reversed, transposed) x view (middle, corner);
-- of box alone: noise and JPEG together; order with noise, order with JPEG; noise, JPEG and order on 3x3; order on up to
+- for box only: noise and JPEG together; order with noise, order with JPEG; noise, JPEG and order on 3x3; order on up to
   9x9; JPEG of the elemental image array that up to 9x9 views make (quality 90, 75; middle, corner).
 
 Views are cropped to their middle before they are degraded (`training.data.downscale`). The truth is the view as it was
-read. JPEG compresses each view, or the whole elemental image array where the input is one.
+read. JPEG compresses each view, or the whole elemental image array if the input is one.
 """
 
 from __future__ import annotations
@@ -42,34 +42,35 @@ PLACES = ("middle", "edge", "corner")
 SIGMAS = (2, 5)
 """Standard deviations of Gaussian noise, 8-bit levels."""
 QUALITIES = (90, 75)
-"""Of JPEG, with chroma at half size."""
+"""JPEG qualities, with chroma at half size."""
 ORDERS: tuple[Order, ...] = ("reversed", "transposed")
 """Wrong orders of views: rows from the bottom; rows and columns exchanged."""
 SIDE = 128
-"""Largest side of a low-resolution view, pixels; larger ones are cropped to their middle."""
+"""Largest side of a low-resolution view, in pixels; larger views are cropped to their middle."""
 LEAST = 32
-"""Smallest side of an input's views, pixels: SSIM needs 11 in the truth of `point`, half as large, in its border."""
+"""Smallest side of an input's views, in pixels: SSIM needs 11 pixels inside the border of the truth of `point`, which
+is half as large."""
 DRAWN = "drawn"
-"""Name of the light field that is rendered of a shipped scene where no light field is given."""
+"""Name of the light field that is rendered from a shipped scene if no light field is given."""
 
 
 @dataclass(frozen=True)
 class Variation:
-    """How a case is made of a light field."""
+    """How a case is made from a light field."""
 
     degradation: str
     grid: tuple[int, int]
-    """Views down and across, the middle ones of the input."""
+    """Views down and across: the middle ones of the input."""
     place: str = "middle"
     noise: int = 0
     jpeg: int = 0
-    """Quality; 0: none."""
+    """Quality; 0 for no JPEG."""
     is_interleaved: bool = False
     """Whether JPEG compresses the elemental image array rather than each view."""
     order: Order = "right"
 
     def describe(self) -> dict[str, str]:
-        """Every factor as text."""
+        """Returns every factor as text."""
         jpeg = f"{self.jpeg} interleaved" if self.is_interleaved else str(self.jpeg)
         return {
             "degradation": self.degradation,
@@ -88,9 +89,9 @@ class Variation:
 
 
 def list_variations(counts: tuple[int, int], *, is_array: bool = False, quick: bool = False) -> list[Variation]:
-    """The cases of a light field of `counts` = (V, U) views, as the head of this module lists them.
+    """Lists the cases of a light field of `counts` = (V, U) views, as described at the head of this module.
 
-    `is_array`: whether it was read of an elemental image array. `quick`: a few of them, on 5x5 or all views.
+    `is_array`: whether it was read from an elemental image array. `quick`: only a few cases, on 5x5 or all views.
     """
     grids = list(dict.fromkeys([*((n, n) for n in GRIDS if n <= min(counts)), counts]))
     base = (5, 5) if (5, 5) in grids else counts
@@ -125,7 +126,7 @@ def list_variations(counts: tuple[int, int], *, is_array: bool = False, quick: b
 
 
 def list_cases(name: str, views: Views, variations: Sequence[Variation]) -> Iterator[Case]:
-    """The cases of the light field `views`, which the input `name` holds."""
+    """Yields the cases of the light field `views`, which the input `name` holds."""
     for kind in dict.fromkeys(one.degradation for one in variations):
         low, high = degrade_views(crop_views(views, kind), kind, SCALE)
         for number, one in enumerate(variations):
@@ -148,7 +149,7 @@ def list_cases(name: str, views: Views, variations: Sequence[Variation]) -> Iter
 
 
 def crop_views(views: Views, kind: str) -> Views:
-    """The middle of each view, from which a low-resolution one of at most `SIDE` pixels a side is made."""
+    """Returns the middle of each view, from which a low-resolution view of at most `SIDE` pixels a side is made."""
     cell = downscale.cell_size(kind, SCALE)
     sides = [min(length // cell, SIDE) * cell for length in views.shape[2:4]]
     top, left = ((length - side) // 2 for length, side in zip(views.shape[2:4], sides, strict=True))
@@ -161,14 +162,14 @@ def _take_middle(views: Views, grid: tuple[int, int]) -> Views:
 
 
 def arrange_views(views: Views, view: View, order: Order) -> tuple[Views, View]:
-    """The views in `order`, and where `view` then is."""
+    """Returns the views in `order`, and the position of `view` among them."""
     if order == "reversed":
         return views[::-1], (len(views) - 1 - view[0], view[1])
     return (views.swapaxes(0, 1), (view[1], view[0])) if order == "transposed" else (views, view)
 
 
 def corrupt_views(views: Views, variation: Variation, random: np.random.Generator) -> Views:
-    """The views with the noise of `variation`, independent in each, and then through its JPEG."""
+    """Returns the views with the noise of `variation`, independent in each, and then compressed by its JPEG."""
     if variation.noise:
         noise = variation.noise * random.standard_normal(views.shape, np.float32)
         views = np.clip(np.rint(views + noise), 0, 255).astype(np.uint8)
@@ -181,9 +182,9 @@ def corrupt_views(views: Views, variation: Variation, random: np.random.Generato
 
 
 def read_light_field(name: str, source: Source, array: Options) -> Views:
-    """All views of a light field as 8-bit RGB. `array`: how to read an elemental image array.
+    """Reads all views of a light field as 8-bit RGB. `array`: how to read an elemental image array.
 
-    Raises the input errors of `ciir.errors`, and `InvalidOption` where views are smaller than `LEAST`.
+    Raises the input errors of `ciir.errors`, and `InvalidOption` if views are smaller than `LEAST`.
     """
     pictures, report = reconstruct_views(source, replace(array, views="all", model="none", scale=1))
     counts = report["lens_array"]["pixels_v"], report["lens_array"]["pixels_u"]
@@ -194,13 +195,13 @@ def read_light_field(name: str, source: Source, array: Options) -> Views:
 
 
 def draw_light_field(*, quick: bool) -> Views:
-    """A globe before grey, 9x9 views of 128x128 pixels; `quick`: 5x5 of 64x64."""
+    """Renders a globe in front of grey, as 9x9 views of 128x128 pixels; with `quick`, 5x5 of 64x64."""
     count, side = (5, 64) if quick else (9, 128)
     options = Options(
         lenses=(side, side),
         pixels=(count, count),
         sampling="lenslet",
         background=(80, 80, 80),
-        delta=0.4 / 15,  # between views as under lenses of 15x15 pixels
+        delta=0.4 / 15,  # between views, as under lenses of 15x15 pixels
     )
     return read_light_field(DRAWN, "globe", options)

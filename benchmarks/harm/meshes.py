@@ -1,7 +1,7 @@
-"""Cases of meshes: backgrounds x pinhole and lenslet arrays x lens counts, all combinations, the centre view.
+"""Cases of meshes: all combinations of backgrounds, pinhole and lenslet arrays, and lens counts, for the centre view.
 
-The truth is what `--strategy direct` makes: the view rendered at the larger size, each pixel the mean over its own
-cell. A mesh is sampled once for each array, and every background is then put behind the same samples, which makes the
+The truth is what `--strategy direct` makes: the view rendered at the larger size, with each pixel the mean over its own
+cell. A mesh is sampled once for each array, and every background is then put behind the same samples, which gives the
 pictures of the pipeline to the bit.
 """
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from ciir.renderer.views import View
 
 LENSES = (50, 100, 200)
-"""Along each side of an array."""
+"""Lenses along each side of an array."""
 BACKGROUNDS = {
     "black": (0, 0, 0),
     "white": (255, 255, 255),
@@ -54,14 +54,16 @@ _CHAIR = (  # lowest and highest corner of each box
 
 
 def make_grey_vase() -> Scene:
-    """The shipped vase in the colour of meshes without one."""
+    """Makes the shipped vase in the colour of meshes without one."""
     parts = load_scene("vase").parts
     surfaces = [Surface(part.vertices, part.faces.astype(np.int64), color=DEFAULT_COLOR) for part in parts]
     return assemble_scene(surfaces, name="grey vase")
 
 
 def make_chair() -> Scene:
-    """A chair of thin boxes in the colour of meshes without one, turned, so that front legs hide parts of rear ones."""
+    """Makes a chair of thin boxes in the colour of meshes without one, turned so that front legs hide parts of rear
+    ones.
+    """
     sides = np.array([(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6),
                       (0, 6, 4), (1, 5, 7), (1, 7, 3)])  # fmt: skip
     corners = [np.array(list(product(*zip(low, high, strict=True)))) for low, high in _CHAIR]
@@ -74,16 +76,16 @@ OWN: dict[str, Callable[[], Scene]] = {name: partial(load_scene, name) for name 
     "grey chair": make_chair,
     "grey vase": make_grey_vase,
 }
-"""The meshes that ship: name -> what makes it. The grey ones are untextured."""
+"""The meshes that ship: name -> the function that makes it. The grey ones are untextured."""
 
 
 def count_cases(lenses: Sequence[int], backgrounds: Sequence[str]) -> int:
-    """How many cases `list_cases` makes."""
+    """Returns how many cases `list_cases` makes."""
     return len(lenses) * len(SAMPLINGS) * len(backgrounds)
 
 
 def list_cases(name: str, mesh: Scene, lenses: Sequence[int], backgrounds: Sequence[str]) -> Iterator[Case]:
-    """The cases of a mesh: `lenses` x pinhole, lenslet x `backgrounds`, which are keys of `BACKGROUNDS`."""
+    """Yields the cases of a mesh: `lenses` x pinhole, lenslet x `backgrounds`, which are keys of `BACKGROUNDS`."""
     wanted = center_view(*PIXELS)
     window = [view for view, _ in list_window(wanted, PIXELS)]
     low = window[0]
@@ -112,12 +114,14 @@ def list_cases(name: str, mesh: Scene, lenses: Sequence[int], backgrounds: Seque
 
 
 def _sample_views(placed: Scene, array: LensArray, views: Sequence[View], samples: int) -> list[NDArray[np.uint8]]:
-    """Point samples of each of `views`, `(samples*rows, samples*cols, 4)`, by the backend that the pipeline takes."""
+    """Returns point samples of each of `views`, `(samples*rows, samples*cols, 4)`, from the backend that the pipeline
+    uses.
+    """
     backend, _ = open_backend("auto", triangles=placed.triangles, rays=array.rows * array.cols * samples**2)
     scene = cull_if_worthwhile(placed, array, views, backend.name, samples=samples)
     return list(backend.sample_views(scene, array.refine(samples), views))
 
 
 def _average(sampled: NDArray[np.uint8], background: tuple[int, int, int], samples: int) -> NDArray[np.uint8]:
-    """The view `(rows, cols, 3)` before `background`."""
+    """Returns the view `(rows, cols, 3)` in front of `background`."""
     return np.ascontiguousarray(average_cells(fill_background(sampled, background), samples)[..., :3])

@@ -1,4 +1,4 @@
-"""The harm table as JSON and Markdown, worst case first."""
+"""Formats the harm table as JSON and Markdown, worst case first."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 EXPLANATION = f"""\
 PSNR in dB and SSIM of Y against the truth. `against bicubic`: `default` - `bicubic`. `against single`: `default` - the
-best network of single pictures, where the default took a light-field network. A case is over the bound where one of
-them is below -{BOUND} dB.
+best network of single pictures, if the default took a light-field network. A case is over the bound if one of them is
+below -{BOUND} dB.
 """
 
 
 def describe_row(row: Row) -> dict[str, Any]:
-    """A row for JSON, without pictures."""
+    """Returns a row for JSON, without pictures."""
     return {
         "case": row.label,
         "input": row.input,
@@ -38,7 +38,7 @@ def describe_row(row: Row) -> dict[str, Any]:
 
 
 def format_line(row: Row) -> str:
-    """A row in one line of text."""
+    """Formats a row as one line of text."""
     line = f"{row.against_bicubic:+6.2f} dB against bicubic"
     if row.against_single is not None:
         line += f", {row.against_single:+6.2f} against {row.best_single}"
@@ -46,7 +46,7 @@ def format_line(row: Row) -> str:
 
 
 def format_tables(rows: Sequence[Row]) -> list[str]:
-    """Counts by input and by factor, then every row; `rows` are sorted."""
+    """Returns counts by input and by factor, then every row; `rows` are sorted."""
     by_input = {name: [row for row in rows if row.input == name] for name in dict.fromkeys(row.input for row in rows)}
     lines = [EXPLANATION, "## By input", "", *_format_groups(by_input)]
     for kind in dict.fromkeys(row.kind for row in rows):

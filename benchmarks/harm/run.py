@@ -1,4 +1,4 @@
-"""The whole harm table: reads inputs, runs every case, and writes the tables and the figure."""
+"""Runs the whole harm table: reads inputs, runs every case, and writes the tables and the figure."""
 
 from __future__ import annotations
 
@@ -32,24 +32,25 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.source import Source
 
 LINES = 15
-"""Worst cases that are printed."""
+"""How many of the worst cases are printed."""
 
 
 @dataclass(frozen=True)
 class HarmOptions:
-    """What to measure."""
+    """The inputs, arrays and model to measure."""
 
     sources: Mapping[str, Source] = field(default_factory=dict)
-    """Name -> mesh, elemental image array or set of views, beside those that ship. Names of scenes add nothing."""
+    """Name -> mesh, elemental image array or set of views, beyond those that ship. Names of scenes add nothing."""
     lenses: Sequence[int] = ()
-    """Along each side of the arrays in front of a mesh; empty: `meshes.LENSES`, or `QUICK_LENSES` where quick."""
+    """Lenses along each side of the arrays in front of a mesh; if empty, `meshes.LENSES`, or `QUICK_LENSES` for
+    `quick`."""
     array: Options = field(default_factory=Options)
     """How to read elemental image arrays."""
     kinds: Sequence[Kind] = (MESH, LIGHT_FIELD)
     model: str = AUTO
-    """What is judged: `auto`, a name of the catalogue, or the path of an exported network's card."""
+    """The model that is judged: `auto`, a name in the catalogue, or the path of an exported network's card."""
     quick: bool = False
-    """Two meshes before black and white, a few cases of light fields."""
+    """Only two meshes in front of black and white, and a few cases of light fields."""
 
 
 QUICK_MESHES = ("vase", "grey chair")
@@ -58,9 +59,9 @@ QUICK_BACKGROUNDS = ("black", "white")
 
 
 def measure_harm(options: HarmOptions, out: Path) -> dict[str, Any]:
-    """Measures, writes `harm.json`, `harm.md` and `harm.png` into `out`, and returns what the JSON file holds.
+    """Measures, writes `harm.json`, `harm.md` and `harm.png` into `out`, and returns the content of the JSON file.
 
-    Raises the input errors of `ciir.errors`, and `ModelError` where there is no such model.
+    Raises the input errors of `ciir.errors`, and `ModelError` if there is no such model.
     """
     begun = time.perf_counter()
     subject = make_subject(options.model)
@@ -101,7 +102,7 @@ def _write(found: Mapping[str, Any], rows: Sequence[Row], out: Path) -> None:
 
 
 def _read_inputs(options: HarmOptions) -> tuple[dict[str, Scene], dict[str, tuple[Views, bool]]]:
-    """Meshes, and light fields with whether each is an elemental image array; none of kinds that are not wanted.
+    """Reads meshes, and light fields with whether each is an elemental image array. Skips kinds that are not wanted.
 
     Everything is read before the first case runs, so that a wrong input is reported at once.
     """
@@ -131,7 +132,7 @@ def _read_inputs(options: HarmOptions) -> tuple[dict[str, Scene], dict[str, tupl
 def _list_cases(
     options: HarmOptions, scenes: Mapping[str, Scene], captured: Mapping[str, tuple[Views, bool]]
 ) -> tuple[Iterator[Case], int]:
-    """The cases, made one after another, and how many they are."""
+    """Returns the cases, made one after another, and their number."""
     lenses = options.lenses or (QUICK_LENSES if options.quick else meshes.LENSES)
     backgrounds = QUICK_BACKGROUNDS if options.quick else tuple(meshes.BACKGROUNDS)
     variations = {

@@ -1,4 +1,4 @@
-"""Scores of a case: bicubic interpolation, the default and every network against the truth."""
+"""Scores a case: bicubic interpolation, the default and every network against the truth."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ if TYPE_CHECKING:
     from ciir.renderer.views import View
 
 BOUND = 0.1
-"""dB by which the default may be below bicubic interpolation, and a light-field network below the best network of
+"""How many dB the default may be below bicubic interpolation, and a light-field network below the best network of
 single pictures."""
 SIDE = 48
 """Pixels along each side of a crop."""
 BICUBIC, DEFAULT = "bicubic", "default"
-"""Names of scores beside those of networks."""
+"""Names of scores in addition to those of networks."""
 
 
 @dataclass(frozen=True)
@@ -51,19 +51,19 @@ class Model:
     name: str
     is_light_field: bool
     upscale: Callable[[Views, View, bool], Picture]
-    """Of views and the wanted one, and whether a light-field network's pipeline finds how views were sampled."""
+    """Takes the views, the wanted one, and whether a light-field network's pipeline finds how views were sampled."""
 
 
 @dataclass(frozen=True)
 class Result:
-    """What the default, or the model in its place, made of a case."""
+    """The result of the default, or of the model in its place, for a case."""
 
     picture: Picture
     model: str
     """The model that ran."""
     is_light_field: bool
     notes: tuple[str, ...] = ()
-    """Of the report."""
+    """The report's notes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,22 +76,22 @@ class Row:
     model: str
     """The model that the default took."""
     psnr: Mapping[str, float]
-    """Name -> dB; inf where exact. `bicubic`, `default`, and every network that suits the grid."""
+    """Name -> dB; inf if exact. `bicubic`, `default`, and every network that suits the grid."""
     ssim: Mapping[str, float]
-    """NaN where the truth is smaller than SSIM's window."""
+    """NaN if the truth is smaller than SSIM's window."""
     best_single: str
-    """The best network of single pictures; empty where there is none."""
+    """The best network of single pictures; empty if there is none."""
     against_bicubic: float
     """`default` - `bicubic`, dB."""
     against_single: float | None
-    """`default` - `best_single`, dB; None where the default is no light-field network."""
+    """`default` - `best_single`, dB; None if the default is not a light-field network."""
     notes: tuple[str, ...]
     crops: Mapping[str, Picture]
     """`truth`, `bicubic`, the best network of single pictures and `default`, where the default loses most."""
 
     @property
     def margin(self) -> float:
-        """The smaller one of the margins, dB."""
+        """The smaller of the margins, in dB."""
         return self.against_bicubic if self.against_single is None else min(self.against_bicubic, self.against_single)
 
     @property
@@ -101,7 +101,7 @@ class Row:
 
     @property
     def conditions(self) -> list[str]:
-        """The factors as text, without what is absent."""
+        """The factors as text, without those that are absent."""
         return [
             f"{name} {value}" if name in ("noise", "jpeg") else value
             for name, value in self.factors.items()
@@ -115,7 +115,7 @@ class Row:
 
 
 def list_networks() -> tuple[list[Model], dict[str, str]]:
-    """Every network of the catalogue, and those that are left out: name -> why."""
+    """Returns every network of the catalogue, and those that are left out: name -> reason."""
     networks: list[Model] = []
     left_out: dict[str, str] = {}
     for entry in catalogue.list_entries():
@@ -131,9 +131,9 @@ def list_networks() -> tuple[list[Model], dict[str, str]]:
 
 
 def load_model(name: str) -> Model:
-    """A model by its name in the catalogue, or an exported network by the path of its card.
+    """Loads a model by its name in the catalogue, or an exported network by the path of its card.
 
-    Raises `ciir.errors.ModelError` where there is no such model.
+    Raises `ciir.errors.ModelError` if there is no such model.
     """
     network = load_network(name, SCALE)
     is_card = name.endswith(".json")
@@ -152,17 +152,17 @@ def _upscale_light_field(network: Any, views: Views, at: View, finds_sampling: b
     grid = (views.shape[0], views.shape[1])
     every = {(v, u): views[v, u] for v in range(grid[0]) for u in range(grid[1])}
     fallback = catalogue.load_upscaler(catalogue.prefer_int8(catalogue.FALLBACK), scale=SCALE)
-    stride = choose_stride(measure_motion(views), grid) if finds_sampling else 1  # not of a mesh's views
+    stride = choose_stride(measure_motion(views), grid) if finds_sampling else 1  # not for a mesh's views
     upscale = partial(upscale_views, network, fallback, finds_sampling=finds_sampling)
     made, _ = upscale_spaced_views(upscale, every, [at], grid, stride)
     return np.asarray(made[0], np.uint8)
 
 
 def reconstruct_case(case: Case, model: str) -> Result:
-    """The wanted view of `case` by the pipeline with the model `auto` or one of the catalogue.
+    """Reconstructs the wanted view of `case` in the pipeline, with the model `auto` or one of the catalogue.
 
-    Where it would render views of a mesh that are the lens array's, it gets those that were rendered for all models:
-    they are the same to the bit.
+    If the pipeline would render views of a mesh that are the lens array's, it gets those that were rendered for all
+    models: they are the same to the bit.
     """
     source, options = case.source, replace(case.options, model=model)
     if isinstance(source, Scene):
@@ -177,9 +177,10 @@ def reconstruct_case(case: Case, model: str) -> Result:
 
 
 def make_subject(model: str) -> Callable[[Case], Result]:
-    """What is judged: `auto` or a model of the catalogue by the pipeline, or an exported network by its card's path.
+    """Returns the subject that is judged: `auto` or a model of the catalogue in the pipeline, or an exported network by
+    its card's path.
 
-    Raises `ciir.errors.ModelError` where there is no such model.
+    Raises `ciir.errors.ModelError` if there is no such model.
     """
     if model != AUTO:
         loaded = load_model(model)
@@ -189,7 +190,7 @@ def make_subject(model: str) -> Callable[[Case], Result]:
 
 
 def score_case(case: Case, networks: Sequence[Model], subject: Callable[[Case], Result]) -> Row:
-    """Runs everything on `case`. Light-field networks are left out of grids that are too small for them."""
+    """Runs everything on `case`. Light-field networks are left out for grids that are too small for them."""
     result = subject(case)
     pictures = {BICUBIC: _upscale_single(catalogue.load_upscaler(BICUBIC, scale=SCALE), case.views, case.at)}
     pictures[DEFAULT] = result.picture
@@ -227,12 +228,12 @@ def score_case(case: Case, networks: Sequence[Model], subject: Callable[[Case], 
 
 
 def _upscale_case(network: Model, case: Case) -> Picture:
-    """What the pipeline makes of a case by a network."""
+    """Returns what the pipeline makes of a case with a network."""
     is_lenslet = case.options.sampling == "lenslet"
     picture = network.upscale(case.views, case.at, case.kind == LIGHT_FIELD and not is_lenslet)
     return restore_means(picture, case.views[case.at]) if is_lenslet else picture
 
 
 def _subtract(psnr: float, other: float) -> float:
-    """The difference of two PSNRs, 0 where both are exact."""
+    """Returns the difference of two PSNRs; 0 if both are exact."""
     return 0.0 if psnr == other else psnr - other

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Found:
-    """One measured number and its bound, which holds where `measured <= bound`; NaN never holds."""
+    """One measured number and its bound, which holds if `measured <= bound`; NaN never holds."""
 
     what: str
     """The quantity with its unit: `fast against fast-int8, worst pixel of noise, levels of 8 bits`."""
@@ -27,12 +27,12 @@ class Found:
     @property
     def holds(self) -> bool:
         """Whether the bound holds."""
-        return bool(self.measured <= self.bound)  # NaN does not; and numpy's bool is not JSON's
+        return bool(self.measured <= self.bound)  # NaN does not hold; and numpy's bool is not JSON's
 
 
 @dataclass(frozen=True)
 class Skipped:
-    """A quantity that could not be measured here, and why, with the remedy."""
+    """A quantity that could not be measured on this machine, and the reason, with the remedy."""
 
     what: str
     why: str
@@ -40,12 +40,12 @@ class Skipped:
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is tried."""
+    """How much is tested."""
 
     models: tuple[str, ...]
     """The networks to stress; all of them run on this processor."""
     quick: bool = False
-    """A few sizes and rounds in place of all, for the smoke test."""
+    """Only a few sizes and rounds, for the smoke test."""
 
 
 class Case(Protocol):
@@ -59,7 +59,7 @@ class Case(Protocol):
 
 
 def skip_without(package: str, what: str) -> Callable[[Case], Case]:
-    """Makes a case yield one `Skipped`, of `what`, where a package of the training extra is not installed."""
+    """Makes a case yield one `Skipped` for `what` if a package of the training extra is not installed."""
 
     def decorate(case: Case) -> Case:
         @wraps(case)

@@ -41,9 +41,9 @@ class Outcome:
     case: str
     result: Found | Skipped
     seconds: float
-    """Since the case's last result or its start."""
+    """Seconds since the case's last result or its start."""
     failure: str = ""
-    """The exception that ended the case, in one line; empty where there was none."""
+    """The exception that ended the case, in one line; empty if there was none."""
 
     @property
     def state(self) -> str:
@@ -53,14 +53,16 @@ class Outcome:
         return "ok" if self.result.holds else "BROKEN"
 
     def format_line(self) -> str:
-        """One line of the report."""
+        """Formats one line of the report."""
         if isinstance(self.result, Skipped):
             return f"skipped  {self.result.what}: {self.result.why}"
         bound, measured, where = f"{self.result.bound:.4g}", f"{self.result.measured:.4g}", self.result.where
         return f"{self.state:7s}  {self.result.what:72s} {bound:>10s} {measured:>10s}  {self.failure or where}".rstrip()
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON, which has no NaN or infinity: `bound` or `measured` is then null, with `_word` beside it."""
+        """Returns the outcome for JSON, which has no NaN or infinity: `bound` or `measured` is then null, and a key
+        that ends in `_word` holds the text.
+        """
         plain: dict[str, Any] = {"group": self.group, "case": self.case, "what": self.result.what, "state": self.state}
         if isinstance(self.result, Skipped):
             return plain | {"why": self.result.why, "seconds": round(self.seconds, 3)}
@@ -76,7 +78,9 @@ class Outcome:
 
 
 def select_groups(names: Sequence[str]) -> tuple[str, ...]:
-    """The groups to run, in the order of `GROUPS`; all where `names` is empty. Raises `InvalidOption` for others."""
+    """Returns the groups to run, in the order of `GROUPS`; all if `names` is empty. Raises `InvalidOption` for other
+    names.
+    """
     for name in names:
         if name not in GROUPS:
             raise InvalidOption(f"--only: no group {name[:40]!r}; give some of {', '.join(GROUPS)}")
@@ -84,9 +88,9 @@ def select_groups(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def select_models(names: Sequence[str]) -> tuple[tuple[str, ...], list[Skipped]]:
-    """The networks to stress, all where `names` is empty, and those that this processor cannot run.
+    """Returns the networks to stress, all if `names` is empty, and those that this processor can't run.
 
-    Only networks for single pictures.
+    Only networks for single pictures are included.
 
     Raises `InvalidOption` for other names.
     """
@@ -107,14 +111,14 @@ def select_models(names: Sequence[str]) -> tuple[tuple[str, ...], list[Skipped]]
 
 
 def run_cases(groups: Sequence[str], effort: Effort) -> Iterator[Outcome]:
-    """The outcomes of all cases of `groups`. An exception ends its case and counts as broken."""
+    """Yields the outcomes of all cases of `groups`. An exception ends its case and counts as broken."""
     for group in groups:
         for case in importlib.import_module(GROUPS[group]).CASES:
             yield from run_case(group, case, effort)
 
 
 def run_case(group: str, case: Case, effort: Effort) -> Iterator[Outcome]:
-    """The outcomes of one case."""
+    """Yields the outcomes of one case."""
     begun = time.perf_counter()
     results = case(effort)
     while True:

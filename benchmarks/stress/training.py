@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ciir.training.recipe import Recipe
 
 DESIGNS = {"fast": "fast", "quality": "quality", "paper": "paper", "gan": "gan", "paper's adversary": "paper-vgg"}
-"""Name -> the recipe that gives network, losses, clipping and precision."""
+"""Name -> the recipe that gives the network, losses, clipping and precision."""
 RATES = (1e-4, 1e-3, 1e-2)
 REFUSED = ("paper's adversary", 1e-2)
 """MSE diverges at steps of 1e-2, with clipping and without, and the run must end with an error. The paper's step size
@@ -35,15 +35,15 @@ is a hundredth of this."""
 UPDATES, QUICK_UPDATES = 200, 10
 CROP, BATCH = 24, 2
 LARGEST = math.sqrt(3.4028e38)
-"""A norm is the root of a sum of squares: beyond this the sum is infinite in float32."""
+"""A norm is the root of a sum of squares: above this, the sum is infinite in float32."""
 ROUNDING = 2.0**-8
 """The relative error of a rounding to bfloat16, whose significand has 8 bits."""
 LAYERS = 16
-"""Convolutions one after another: the paper's network has as many, and gan's with its discriminator."""
+"""Convolutions one after another: the paper's network has as many, and so has gan's with its discriminator."""
 
 
 def _recipe(design: str, *, rate: float = 1e-3, updates: int = 1) -> Recipe:
-    """The design's recipe from random weights on small crops, on the CPU, at a step size that hardly falls."""
+    """Returns the design's recipe from random weights on small crops, on the CPU, at a step size that hardly falls."""
     folder = Path(recipes.__file__).parent / "recipes"
     recipe = recipes.read_recipe(folder / f"{DESIGNS[design]}.toml")
     return replace(
@@ -63,7 +63,7 @@ def _recipe(design: str, *, rate: float = 1e-3, updates: int = 1) -> Recipe:
 
 @contextmanager
 def _crops(recipe: Recipe) -> Iterator[Crops]:
-    """Crops of four generated pictures: smooth, rough, and cut by edges."""
+    """Yields crops of four generated pictures: smooth, rough, and cut by edges."""
     from ciir.training.data.crops import Crops
 
     with tempfile.TemporaryDirectory() as folder:
@@ -90,16 +90,16 @@ class Updated(NamedTuple):
 
     loss: float
     gradient: list[Tensor]
-    """Of each weight of the generator, before clipping."""
+    """Gradients of each weight of the generator, before clipping."""
 
     @property
     def norm(self) -> float:
-        """The gradient's norm; in float64, where large ones stay finite."""
+        """The gradient's norm, in float64, where large ones stay finite."""
         return math.sqrt(sum(float(part.double().square().sum()) for part in self.gradient))
 
 
 def _update(run: Run, low: Tensor, high: Tensor) -> Updated:
-    """One update of `run`, and its gradient before clipping."""
+    """Makes one update of `run`, and returns its gradient before clipping."""
     gradient: list[Tensor] = []
 
     def keep(weight: Tensor) -> None:
@@ -117,7 +117,9 @@ def _update(run: Run, low: Tensor, high: Tensor) -> Updated:
 
 @skip_without("torch", "200 updates")
 def stays_finite(effort: Effort) -> Iterator[Found | Skipped]:
-    """Loss and gradient norm over 200 updates from random weights, without a warm-up, at step sizes up to 1e-2."""
+    """Measures loss and gradient norm over 200 updates from random weights, without a warm-up, at step sizes up to
+    1e-2.
+    """
     from ciir.training.loop.run import Run
 
     updates = QUICK_UPDATES if effort.quick else UPDATES
@@ -145,7 +147,7 @@ def stays_finite(effort: Effort) -> Iterator[Found | Skipped]:
 
 @skip_without("torch", "bfloat16 against float32")
 def bfloat16(effort: Effort) -> Iterator[Found | Skipped]:
-    """The first update in bfloat16 against the same in float32: its loss, and its gradient as one long vector."""
+    """Compares the first update in bfloat16 with the same in float32: its loss, and its gradient as one long vector."""
     from ciir.training.loop.run import Run
 
     for design in ("fast",) if effort.quick else DESIGNS:
@@ -154,8 +156,8 @@ def bfloat16(effort: Effort) -> Iterator[Found | Skipped]:
             low, high = crops.make_batch(0)
         half, single = (_update(Run(replace(recipe, bfloat16=short)), low, high) for short in (True, False))
         apart = Updated(0.0, [one - other for one, other in zip(half.gradient, single.gradient, strict=True)])
-        # Each layer's weights and outputs are rounded on the way forward; independent errors add as a root. Backward
-        # its weights and gradients are, too; twice that for samples on the other side of a ReLU, or of L1's kink.
+        # Each layer's weights and outputs are rounded on the way forward; independent errors add as a root. On the way
+        # back its weights and gradients are, too; twice that for samples on the other side of a ReLU, or of L1's kink.
         forward, both = (math.sqrt(2 * LAYERS * ways) * ROUNDING for ways in (1, 2))
         yield Found(f"{design}: loss, relative", forward, abs(half.loss - single.loss) / single.loss)
         yield Found(f"{design}: gradient, relative", 2 * both, apart.norm / single.norm)
@@ -163,7 +165,9 @@ def bfloat16(effort: Effort) -> Iterator[Found | Skipped]:
 
 @skip_without("torch", "NaN in training")
 def guards(effort: Effort) -> Iterator[Found | Skipped]:  # noqa: ARG001 - a case's signature
-    """NaN in a picture, a weight or the discriminator, or an infinite gradient, ends the run and is not saved."""
+    """Checks that NaN in a picture, a weight or the discriminator, or an infinite gradient, ends the run and is not
+    saved.
+    """
     import torch
 
     from ciir.training.loop.run import Run
@@ -200,7 +204,7 @@ def guards(effort: Effort) -> Iterator[Found | Skipped]:  # noqa: ARG001 - a cas
 
 
 def _let_through(run: Run, low: Tensor, high: Tensor, text: str = "the loss is nan") -> float:
-    """0 where the update is refused in one line that names the step and contains `text`; 1 otherwise."""
+    """Returns 0 if the update is refused in one line that names the step and contains `text`; 1 otherwise."""
     try:
         run.update(low, high)
     except FloatingPointError as error:

@@ -209,7 +209,7 @@ def test_the_order_of_views_is_checked_where_it_is_not_known(stand_in, tmp_path)
         (tmp_path / "views" / name).write_bytes(data)
     field = ciir.open(tmp_path / "views")
     assert field.is_ordered
-    assert "of 0_4.png 0 is the column and 4 the row" in field.notes[0]
+    assert "in 0_4.png 0 is the column and 4 the row" in field.notes[0]
     assert np.array_equal(field.views, views)
     assert np.array_equal(ciir.open(tmp_path / "views", order="given").views, views.transpose(1, 0, 2, 3, 4))
     for content, is_noted in (

@@ -24,13 +24,14 @@ if TYPE_CHECKING:
     from ciir.renderer.views import View
 
 SNAP = np.sqrt(2) / 512
-"""The most that OpenGL moves a vertex, in pixels: x and y each to the nearest 1/256."""
+"""The most by which OpenGL moves a vertex, in pixels: x and y each to the nearest 1/256."""
 BAND = 1 / 128
-"""Pixels about a sample in which raster looks for its edges: the power of two above `SNAP`, and twice that."""
+"""The distance from a sample, in pixels, within which edges are looked for with raster: the power of two above `SNAP`,
+doubled."""
 FLOAT_BAND = 1 / 1024
-"""The same for rays cast in float32: a hundred times what its roundings move an edge by."""
+"""The band for rays cast in float32: a hundred times as far as their roundings move an edge."""
 STEP = 16.0
-"""Levels between two samples from which on there is an edge between them."""
+"""The least difference in levels between two samples that counts as an edge between them."""
 RASTER_LEVELS = 3.0
 """Rounding to 8 bits (0.5), texture weights of 8 bits along u and v (1 each), a texel's slope over `SNAP` (0.5)."""
 RAY_LEVELS = 0.6
@@ -43,20 +44,20 @@ class Agreement:
     """The result of comparing a picture with rays."""
 
     worst: float
-    """The largest difference where the rays about a sample agree, levels of 8 bits."""
+    """The largest difference where the rays around a sample agree, in levels of 8 bits."""
     at: str
-    """Where that is."""
+    """The place of that difference."""
     moved: int
     """Pixels at edges that differ."""
     edges: int
-    """Neighbours that differ by more than was allowed: how many pixels long all edges are, or longer."""
+    """Neighbours that differ by more than was allowed: the length of all edges in pixels, or more."""
     silhouette: float
-    """How far from its place the object's outline is drawn, pixels; infinite over one."""
+    """How far from its place the object's outline is drawn, in pixels; infinite over one."""
     covered: int
     """Pixels that show the object."""
 
     def list_bounds(self, what: str) -> Iterator[Found]:
-        """The three numbers of the raster backend, with their bounds."""
+        """Yields the three numbers of the raster backend, with their bounds."""
         yield Found(f"{what}: worst colour away from edges, levels", RASTER_LEVELS, self.worst, self.at)
         expected = SNAP * self.edges  # an edge that moves by SNAP sweeps over as many samples as it is long times that
         most = expected + 4 * np.sqrt(expected) + 1
@@ -66,7 +67,7 @@ class Agreement:
 
 
 def open_backends(what: str) -> tuple[list[Backend], list[Skipped]]:
-    """Ray casting and raster, and why the latter cannot run where it can't."""
+    """Opens ray casting and raster, and returns the reason if the latter can't run."""
     rays = open_backend("raytrace")[0]
     try:
         return [rays, open_backend("raster")[0]], []
@@ -77,7 +78,7 @@ def open_backends(what: str) -> tuple[list[Backend], list[Skipped]]:
 def compare_backends(
     what: str, placed: Scene, array: LensArray, views: Sequence[View], *, slow: int
 ) -> Iterator[Found | Skipped]:
-    """Rays against `slow` rays of each view in float64, and raster against both."""
+    """Compares rays with `slow` rays of each view in float64, and raster with both."""
     reference = build_slow_sight(placed)
     backends, skipped = open_backends(what)
     yield from skipped
@@ -94,17 +95,17 @@ def compare_backends(
 
 
 def locate_samples(array: LensArray, row: NDArray[np.intp], col: NDArray[np.intp]) -> Values:
-    """The positions of the samples of these pixels `(n,)` , `(n, 3)`, in the array's plane."""
+    """Returns the positions of the samples of these pixels `(n,)`, `(n, 3)`, in the array's plane."""
     return np.stack([array.lens_x()[col], array.lens_y()[row], np.zeros(len(row))], axis=1)
 
 
 def compute_direction(array: LensArray, view: View) -> Values:
-    """The direction that all rays of the view have, `(3,)`."""
+    """Returns the direction that all rays of the view have, `(3,)`."""
     return np.array([array.tangent_x()[view[1]], array.tangent_y()[view[0]], -1.0])
 
 
 def cast_ring(sight: Sight, start: Values, along: Values, radius: float, rays: int) -> Values:
-    """The colours of `rays` rays at `radius` scene units about each of `start` `(n, 3)`: `(n, rays, 4)`."""
+    """Returns the colours of `rays` rays at `radius` scene units around each of `start` `(n, 3)`: `(n, rays, 4)`."""
     angle = np.arange(rays) * (2 * np.pi / rays)
     ring = radius * np.stack([np.cos(angle), np.sin(angle), np.zeros(rays)], axis=1)
     return sight((start[:, None] + ring).reshape(-1, 3), along).reshape(len(start), rays, 4)
@@ -120,10 +121,10 @@ def compare(
     band: float = BAND,
     some: int = 0,
 ) -> Agreement:
-    """`pictures` `(rows, cols, 4)`, one for each of `views`, against the colours of `sight` along the same rays.
+    """Compares `pictures` `(rows, cols, 4)`, one for each of `views`, with the colours of `sight` along the same rays.
 
-    A pixel that differs by more than `allowed` levels is at an edge where rays within `band` pixels of its sample
-    differ by more than `STEP` levels. `some`: how many pixels of each view to draw at random; 0: all.
+    A pixel that differs by more than `allowed` levels is at an edge if rays within `band` pixels of its sample differ
+    by more than `STEP` levels. `some`: how many pixels of each view to draw at random; 0: all.
     """
     worst, at, moved, edges, silhouette, covered = 0.0, "", 0, 0, 0.0, 0
     random = np.random.default_rng(0)
@@ -155,12 +156,14 @@ def compare(
 
 
 def _count_differing_neighbours(seen: Values, allowed: float) -> int:
-    """Pairs of neighbours in `(rows, cols, 4)` that differ by more than `allowed`."""
+    """Counts pairs of neighbours in `(rows, cols, 4)` that differ by more than `allowed`."""
     return sum(int((np.abs(np.diff(seen, axis=axis)).max(axis=2) > allowed).sum()) for axis in (0, 1))
 
 
 def _find_edge_distance(sight: Sight, start: Values, along: Values, covered: NDArray[np.bool_], pitch: float) -> float:
-    """The largest of the distances to the nearest ray that the object covers or not, as `covered` `(n,)`; pixels."""
+    """Returns the largest distance from one of `start` to the nearest ray whose coverage is that in `covered` `(n,)`,
+    in pixels.
+    """
     for radius in _RADII:
         ring = cast_ring(sight, start, along, radius * pitch, 32)
         left = ~((ring[..., 3] > 0) == covered[:, None]).any(axis=1)

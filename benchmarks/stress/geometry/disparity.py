@@ -1,4 +1,4 @@
-"""Disparity maps of a rendered scene that is mirrored, transposed, reversed, shifted, and halved."""
+"""Checks disparity maps of a rendered scene that is mirrored, transposed, reversed, shifted, and halved."""
 
 from __future__ import annotations
 
@@ -21,11 +21,13 @@ if TYPE_CHECKING:
 
 SIDE = 192
 BORDER = 12
-"""Pixels that are not compared: views that are shifted wrap around there."""
+"""Pixels at the border that are not compared, because shifted views wrap around there."""
 
 
 def disparity_maps(effort: Effort) -> Iterator[Found | Skipped]:
-    """The disparity of a changed light field against the changed disparity, pixels a view: 99 % of pixels, or half."""
+    """Compares the disparity of a changed light field with the changed disparity, for 99 % of pixels or half, in pixels
+    a view.
+    """
     for name in ("globe",) if effort.quick else ("globe", "vase", "hamburger"):
         views = render_exact(name, Path(), side=SIDE).light_field.views
         found = _estimate(views)

@@ -1,4 +1,4 @@
-"""Elemental image arrays to views and back, in memory and through files, bit for bit."""
+"""Converts elemental image arrays to views and back, in memory and through files, bit for bit."""
 
 from __future__ import annotations
 
@@ -23,12 +23,14 @@ if TYPE_CHECKING:
 
 DEPTHS = (np.uint8, np.uint16)
 GRIDS = ((1, 1, 1, 1), (1, 9, 5, 1), (3, 1, 2, 7), (5, 7, 3, 9), (13, 11, 4, 6))
-"""Rows and columns of lenses, then of pixels under each: odd ones, single ones, and no two alike."""
+"""Rows and columns of lenses, then of pixels under each: odd numbers, single ones, and no two alike."""
 PICKUPS: tuple[Pickup, ...] = ("virtual", "optical")
 
 
 def pixel_mapping(effort: Effort) -> Iterator[Found | Skipped]:
-    """Elemental image arrays of each depth and number of channels to views and back: PNG, TIFF, a PNG for each view."""
+    """Converts elemental image arrays of each depth and number of channels to views and back: PNG, TIFF, a PNG for each
+    view.
+    """
     random = np.random.default_rng(0)
     for depth in DEPTHS:
         lost = dict.fromkeys(("in memory", "by PNG", "by TIFF", "by files of views"), (0, ""))
@@ -54,7 +56,7 @@ def pixel_mapping(effort: Effort) -> Iterator[Found | Skipped]:
 
 
 def _count_differences(one: Pixels, other: Pixels) -> int:
-    """The number of values that differ; all where shape or depth differ."""
+    """Returns the number of values that differ; all if shape or depth differ."""
     return int((one != other).sum()) if one.shape == other.shape and one.dtype == other.dtype else other.size
 
 
@@ -63,7 +65,7 @@ def _encode_and_decode(picture: Pixels, suffix: str) -> Pixels:
 
 
 def _write_and_read_views(field: LightField) -> LightField:
-    """The light field written as a PNG for each view and read again."""
+    """Writes the light field as a PNG for each view and reads it again."""
     pixels_v, pixels_u = field.views.shape[:2]
     files = {
         f"view_{v:02d}_{u:02d}.png": encode(field.views[v, u], ".png") for v in range(pixels_v) for u in range(pixels_u)

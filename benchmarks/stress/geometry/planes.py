@@ -1,4 +1,4 @@
-"""Depth planes: of constant views, linear in the views, of their energy, and of noise."""
+"""Checks depth planes: constant views, linearity in the views, energy, and noise."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
 GRIDS = ((1, 1), (1, 5), (5, 5), (4, 7))
 DISPARITIES = (-3.3, -0.5, 0.0, 0.01, 1.0, 2.75)
-"""Pixels a view."""
+"""Disparities in pixels a view."""
 BOUND = 1e-6
-"""Of views from 0 to 1: float32."""
+"""The largest error for views from 0 to 1 in float32."""
 
 
 def depth_planes(effort: Effort) -> Iterator[Found | Skipped]:
-    """Depth planes by each method: of constant views, to the borders, of sums of light fields, and their energy."""
+    """Checks depth planes by each method: constant views up to the borders, sums of light fields, and their energy."""
     random = np.random.default_rng(0)
     for method in get_args(Method):
         worst = dict.fromkeys(
@@ -54,7 +54,9 @@ def depth_planes(effort: Effort) -> Iterator[Found | Skipped]:
 
 
 def noise_in_planes(effort: Effort) -> Iterator[Found | Skipped]:
-    """Depth planes of noise: its deviation times the square root of the views, of that in a view."""
+    """Checks depth planes of noise: their deviation times the square root of the number of views, relative to that in a
+    view.
+    """
     inside = np.s_[20:-20, 20:-20]  # all views reach it
     for views in (5,) if effort.quick else (5, 9, 15):
         noise = np.random.default_rng(0).standard_normal((views, views, 96, 96, 1), np.float32)

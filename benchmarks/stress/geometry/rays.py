@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
     Values = NDArray[np.float64]
     Sight = Callable[[Values, Values], Values]
-    """Origins `(n, 3)` and the one direction `(3,)` of all -> RGBA of what their lines meet, in levels of 8 bits, RGB
+    """Origins `(n, 3)` and the one direction `(3,)` of all -> RGBA of what their lines hit, in levels of 8 bits, RGB
     times alpha, `(n, 4)`; 0 for nothing."""
 
 _ON_AN_EDGE = 1e-12
-"""How far outside a triangle a ray still meets it, as a share of its size: otherwise rays pass between triangles."""
+"""How far outside a triangle a ray still hits it, as a share of its size: else rays would pass between triangles."""
 
 
 def build_slow_sight(scene: Scene) -> Sight:
@@ -32,7 +32,7 @@ def build_slow_sight(scene: Scene) -> Sight:
     slack = 1e-9 * float(np.abs(corners).max())
 
     def find_colour(triangle: int, weights: Values) -> tuple[Values, float]:
-        """RGB in [0, 1] at these barycentric weights `(3,)`, and the share of what is behind that it hides."""
+        """Returns RGB in [0, 1] at these barycentric weights `(3,)`, and the share of the background that it hides."""
         part = scene.parts[part_of[triangle]]
         face = part.faces[triangle - first[part_of[triangle]]]
         rgba = weights @ part.colors[face].astype(np.float64)
@@ -75,7 +75,7 @@ def build_slow_sight(scene: Scene) -> Sight:
 
 
 def build_embree_sight(scene: Scene) -> Sight:
-    """The colours of `renderer.backends.embree` before rounding to 8 bits."""
+    """Returns the colours of `renderer.backends.embree` before rounding to 8 bits."""
     from ciir.renderer.backends.embree import PreparedScene
 
     prepared = PreparedScene(scene)

@@ -32,22 +32,22 @@ STRAIGHT = LensArray(SIDE, SIDE, 3, 3, delta=1e-6)
 """An array whose rays stay in front of it over a million pitches."""
 VIEWS = ((0, 0), (1, 1))
 ORDERED = 2.0**-22
-"""The gap between two surfaces that both backends order, as a share of the scene's depth: a depth buffer of 24 bits
-over 1.02 times that depth resolves 2^-24, and each of the two may be rounded towards the other, as a vertex and in clip
-space."""
+"""The gap between two surfaces that both backends order, as a share of the scene's depth. A depth buffer of 24 bits
+over 1.02 times that depth resolves 2^-24, and each of the two may be rounded towards the other, once as a vertex and
+once in clip space."""
 PASSED = 8e-6
 """The gap between cut-out surfaces that rays resolve, as a share of the scene's longest side: four times
 `renderer.backends.embree.STEP`, which is 2e-6 of it."""
 
 
 def _count_wrong_pixels(backend: Backend, scene: Scene, array: LensArray, color: Sequence[float]) -> float:
-    """Pixels of the scene's views that are of another colour than `color`, RGB in [0, 1]."""
+    """Counts pixels of the scene's views that have another colour than `color`, RGB in [0, 1]."""
     rgba = np.append(255.0 * np.asarray(color), 255.0)
     return float(sum((picture != rgba).any(axis=2).sum() for picture in backend.render_views(scene, array, VIEWS)))
 
 
 def depth_order(effort: Effort) -> Iterator[Found | Skipped]:
-    """A sheet just behind another, at the near plane, half way and at the far plane, from 1e-3 to 1e6 away."""
+    """Places a sheet just behind another, at the near plane, half way and at the far plane, from 1e-3 to 1e6 away."""
     ranges = [(1.0, 50.0), (1e-3, 1e6)] if effort.quick else [(1.0, 50.0), (1e-3, 50.0), (1.0, 1e6), (1e-3, 1e6)]
     backends, skipped = open_backends("depth order")
     yield from skipped
@@ -65,7 +65,7 @@ def depth_order(effort: Effort) -> Iterator[Found | Skipped]:
 
 
 def depth_order_by_lens(effort: Effort) -> Iterator[Found | Skipped]:
-    """The same for perspective renders of one lens each, whose depth buffer resolves less at larger distances."""
+    """Does the same for perspective renders of one lens each, whose depth buffer resolves less at larger distances."""
     array = LensArray(2, 2, SIDE, SIDE)
     backends, skipped = open_backends("depth order by lens")
     yield from skipped
@@ -86,7 +86,7 @@ def depth_order_by_lens(effort: Effort) -> Iterator[Found | Skipped]:
 
 
 def coplanar(effort: Effort) -> Iterator[Found | Skipped]:  # noqa: ARG001 - a case's signature
-    """Two sheets in one plane, which show one or the other and the same each time; seams where samples lie."""
+    """Places two sheets in one plane, which show one or the other and the same each time; seams where samples lie."""
     red, green = (
         shapes.make_sheet(30.0, 60.0, shapes.RED, slope=0.3),
         shapes.make_sheet(30.0, 50.0, shapes.GREEN, slope=0.3),
@@ -108,7 +108,7 @@ def coplanar(effort: Effort) -> Iterator[Found | Skipped]:  # noqa: ARG001 - a c
 
 
 def cut_outs(effort: Effort) -> Iterator[Found | Skipped]:
-    """Up to 31 sheets that are cut away altogether, close behind one another, in front of one that is there."""
+    """Places up to 31 fully cut-away sheets close behind one another, in front of one that is visible."""
     backends, skipped = open_backends("cut-outs")
     yield from skipped
     for backend in backends:
@@ -125,8 +125,8 @@ def cut_outs(effort: Effort) -> Iterator[Found | Skipped]:
 
 
 def see_through(effort: Effort) -> Iterator[Found | Skipped]:
-    """Up to 63 sheets that each hide a twentieth, close behind one another; triangles that cross, behind the array,
-    astride and before it.
+    """Places up to 63 sheets that each hide a twentieth close behind one another, and crossing triangles behind the
+    array, astride it and in front of it.
     """
     backend = open_backend("raytrace")[0]
     for count in (63,) if effort.quick else (1, 8, 63):
@@ -148,10 +148,10 @@ def see_through(effort: Effort) -> Iterator[Found | Skipped]:
 
 
 def degenerate(effort: Effort) -> Iterator[Found | Skipped]:
-    """Triangles without area change no bit of a picture; vertices that are not numbers are refused."""
+    """Checks that triangles without area change no bit of a picture, and vertices that are not numbers are refused."""
     ball = make_ball(12 if effort.quick else 60)
     corners = len(ball.vertices)
-    flat = np.array([[0, 0, 1], [2, 2, 2], [corners, corners + 1, corners + 2]])  # the last: three on a line
+    flat = np.array([[0, 0, 1], [2, 2, 2], [corners, corners + 1, corners + 2]])  # the last one: three points on a line
     line = np.array([[0.0, 0.0, 0.0], [0.1, 0.2, 0.3], [0.2, 0.4, 0.6]])
     extended = Surface(np.concatenate([ball.vertices, line]), np.concatenate([flat, ball.faces, flat[::-1]]))
     clean, dirty = (assemble_scene([surface], name="ball") for surface in (ball, extended))
@@ -173,7 +173,7 @@ def degenerate(effort: Effort) -> Iterator[Found | Skipped]:
 
 
 def make_ball(rings: int) -> Surface:
-    """A unit sphere with its poles left open."""
+    """Makes a unit sphere with its poles left open."""
     from ciir.renderer.scenes.modelling import revolve
 
     turn = np.linspace(-1.5, 1.5, rings)
@@ -182,7 +182,7 @@ def make_ball(rings: int) -> Surface:
 
 
 def _let_through(vertices: NDArray[np.float64], faces: NDArray[np.int64], text: str) -> float:
-    """0 where the mesh is refused in one line that contains `text`; 1 otherwise."""
+    """Returns 0 if the mesh is refused in one line that contains `text`; 1 otherwise."""
     try:
         assemble_scene([Surface(vertices, faces)], name="broken")
     except InvalidGeometry as error:

@@ -21,28 +21,30 @@ if TYPE_CHECKING:
     from ciir.benchmarks.stress.networks.shipped import Values
 
 SIDE = 128
-"""Of the truth."""
+"""Side of the truth, in pixels."""
 GOOD_ENOUGH = 48.0
-"""dB: an error of one level RMS. Above it nothing is seen, and int8's steps are what is left."""
+"""dB: an error of one level RMS. Above it no error is visible, and only int8's steps are left."""
 BELOW_BICUBIC = 1.0
-"""dB that a network may be below bicubic interpolation on pictures of any brightness, contrast or gamma."""
+"""How many dB a network may be below bicubic interpolation on pictures of any brightness, contrast or gamma."""
 BELOW_ON_NOISE = 8.0
-"""The same on noise, which bicubic halves (0.8 of its amplitude) and a network sharpens, by `gain.NOISE` at most: a
-factor of 2.5, 8 dB. Networks were trained on clean pictures."""
+"""How many dB a network may be below bicubic interpolation on noise. Bicubic halves noise (0.8 of its amplitude) and a
+network sharpens it, by `gain.NOISE` at most: a factor of 2.5, 8 dB. Networks were trained on clean pictures."""
 JUMP = 2.0
-"""dB that the margin over bicubic may change from one step to the next. Steps are small: of a fifth of an octave of
-contrast, brightness or gamma, or of a third more noise."""
+"""How many dB the margin over bicubic may change from one step to the next. Steps are small: a fifth of an octave of
+contrast, brightness or gamma, or a third more noise."""
 
 
 def brightness(effort: Effort) -> Iterator[Found]:
-    """All levels multiplied by 1/16 to 1."""
+    """Multiplies all levels by 1/16 to 1."""
     yield from _follow_margin(
         effort, "brightness", _octaves(effort, -4, 0), lambda image, factor: np.float32(factor) * image
     )
 
 
 def contrast(effort: Effort) -> Iterator[Found]:
-    """All levels drawn towards grey, 1/16 to 1 of the way out, and pushed away from it, up to twice, and cut."""
+    """Draws all levels towards grey, to 1/16 to 1 of their distance, or pushes them away from it, up to twice, and
+    clips them.
+    """
 
     def change(image: Values, factor: float) -> Values:
         return np.asarray(np.clip(0.5 + (image - 0.5) * np.float32(factor), 0, 1))
@@ -51,12 +53,12 @@ def contrast(effort: Effort) -> Iterator[Found]:
 
 
 def gamma(effort: Effort) -> Iterator[Found]:
-    """All levels to the power of 1/4 to 4."""
+    """Raises all levels to the power of 1/4 to 4."""
     yield from _follow_margin(effort, "gamma", _octaves(effort, -2, 2), lambda image, power: image ** np.float32(power))
 
 
 def noise(effort: Effort) -> Iterator[Found]:
-    """White Gaussian noise of 0 to 32 levels on the networks' input."""
+    """Adds white Gaussian noise of 0 to 32 levels to the networks' input."""
     steps = [0.0, *(0.5 * 2 ** (step / 2.5) for step in range(0, 16, 5 if effort.quick else 1))]
     yield from _follow_margin(effort, "noise", steps, None)
 
@@ -69,7 +71,9 @@ def _octaves(effort: Effort, first: int, last: int) -> list[float]:
 def _follow_margin(
     effort: Effort, what: str, steps: list[float], change: Callable[[Values, float], Values] | None
 ) -> Iterator[Found]:
-    """The margin over bicubic at each of `steps`, which is noise in levels where there is no `change` to the truth."""
+    """Measures the margin over bicubic at each of `steps`, which are noise in levels if there is no `change` to the
+    truth.
+    """
     truths = np.stack(list(patterns.render_views(SIDE).values()))
     series = {name: np.zeros(len(steps)) for name in (*effort.models, "")}
     for index, step in enumerate(steps):
@@ -96,12 +100,12 @@ def _follow_margin(
 
 
 def _pixels(images: Values) -> NDArray[np.uint8]:
-    """`(N, 3, H, W)` in about [0, 1] -> `(N, H, W, 3)` of 8 bits."""
+    """Converts `(N, 3, H, W)` in about [0, 1] to `(N, H, W, 3)` of 8 bits."""
     return np.moveaxis(np.rint(255 * np.clip(images, 0, 1)).astype(np.uint8), 1, 3)
 
 
 def _score(pictures: NDArray[np.uint8], truths: NDArray[np.uint8]) -> float:
-    """Mean Y-PSNR in dB; a picture that comes out exactly counts as 60."""
+    """Returns the mean Y-PSNR in dB; a picture that comes out exactly counts as 60."""
     pairs = ((rgb_to_luma(picture), rgb_to_luma(truth)) for picture, truth in zip(pictures, truths, strict=True))
     return float(np.mean([min(60.0, compute_psnr(*pair, border=2)) for pair in pairs]))
 

@@ -1,6 +1,7 @@
-"""How much a network amplifies small errors in its input: noise, and the worst error.
+"""Measures how much a network amplifies small errors in its input: noise, and the worst error.
 
-The gain is the RMS of the output's change over the RMS of the input's. Nearest has 1; bicubic 0.8 for white noise.
+The gain is the RMS of the output's change divided by the RMS of the input's. Nearest has 1; bicubic has 0.8 for white
+noise.
 """
 
 from __future__ import annotations
@@ -19,22 +20,23 @@ if TYPE_CHECKING:
 
 SIDE = 48
 NOISE = 2.0
-"""Sharpening amplifies what is near Nyquist, where white noise is as strong as anywhere; by 2 it costs one bit."""
+"""Sharpening amplifies what is near Nyquist, where white noise is as strong as anywhere; a gain of 2 costs one bit."""
 NOISE_KNOWN = {"gan": 3.0}
-"""An adversary rewards texture, and noise that is all but invisible is the seed of it."""
+"""Networks that are known to need more: an adversary rewards texture, and almost invisible noise is the seed of it."""
 SMALL, QUICK_SMALL = 12, 8
-"""Side of the picture whose Jacobian is worked out whole: 432 inputs, or 192."""
+"""Side of the picture whose whole Jacobian is computed: 432 inputs, or 192."""
 STEP = 1e-3
-"""Of the differences: a quarter of a level, within which most ReLUs stay on their side; rounding is 1e-4 of it."""
+"""Step of the differences: a quarter of a level, within which most ReLUs stay on their side; rounding is 1e-4 of it."""
 WORST = 32.0
-"""Gain in the worst direction: five bits, ten times the gain on noise and more, as one pattern of few pixels gets all
-the energy. An adversary who owns the rounding to 8 bits, 0.29 levels RMS, then moves the output by 9 levels RMS."""
+"""Gain in the worst direction: five bits, ten times the gain on noise and more, because one pattern of few pixels gets
+all the energy. An adversary who controls the rounding to 8 bits, 0.29 levels RMS, then moves the output by 9 levels
+RMS."""
 
 
 def noise(effort: Effort) -> Iterator[Found]:
-    """White Gaussian noise of 1/4 to 16 levels on pictures: the output's change for each unit of it."""
+    """Adds white Gaussian noise of 1/4 to 16 levels to pictures, and measures the output's change per unit of it."""
     inputs = patterns.make_pictures(SIDE)
-    # Away from black and white, so that the noise is not cut.
+    # Away from black and white, so that the noise is not clipped.
     images = 0.25 + 0.5 * np.stack(list(inputs.values()))
     random = np.random.default_rng(0)
     white = random.standard_normal(images.shape, dtype=np.float32)
@@ -45,14 +47,16 @@ def noise(effort: Effort) -> Iterator[Found]:
             error = white * np.float32(levels * LEVEL)
             gain = rms(run(images + error) - clean) / rms(error)
             found |= {f"{levels} levels on {key}": value for key, value in zip(inputs, gain, strict=True)}
-        if shipped.is_int8(name):  # an input below a step of its grids rounds to none, or to a whole step
+        if shipped.is_int8(name):  # an input below a step of its grids rounds to zero or to a whole step
             found = {key: value for key, value in found.items() if not key.startswith("0.")}
         bound, gains = NOISE_KNOWN.get(name, NOISE), np.array(list(found.values()))
         yield find_worst(f"{name}: gain on noise", bound, gains, list(found))
 
 
 def worst_direction(effort: Effort) -> Iterator[Found]:
-    """The largest gain of any small error, from the singular values of the whole Jacobian by finite differences."""
+    """Measures the largest gain of any small error, from the singular values of the whole Jacobian by finite
+    differences.
+    """
     side = QUICK_SMALL if effort.quick else SMALL
     inputs = patterns.make_pictures(side)
     for name in shipped.list_float_networks(effort):

@@ -1,4 +1,6 @@
-"""What must not change the output, or must move it: shifts, flips, transposition, order, threads, tiles, repetition."""
+"""Changes that must not alter the output, or must move it: shifts, flips, transposition, order, threads, tiles,
+repetition.
+"""
 
 from __future__ import annotations
 
@@ -21,21 +23,21 @@ if TYPE_CHECKING:
 
 SIDE = 64
 CHANGE = 1.0
-"""How large the change of the output by flipping the input and back may be, over the error to the truth. No
-filter is tied to its mirror image; but a change above the error would mean that the network prefers an orientation."""
+"""How much flipping the input and back may change the output, relative to the error to the truth. No filter is tied to
+its mirror image, but a change above the error would mean that the network prefers an orientation."""
 INT8_STEP = 1.0
-"""Levels RMS for int8, whose codes may round to a neighbour where float rounding differs by a bit."""
+"""Levels RMS for int8, whose codes may round to a neighbour if float rounding differs by a bit."""
 
 SYMMETRIES: dict[str, Callable[[Values], Values]] = {
     "flipped left to right": lambda images: images[:, :, :, ::-1],
     "flipped upside down": lambda images: images[:, :, ::-1],
     "transposed": lambda images: images.transpose(0, 1, 3, 2),
 }
-"""Each is its own inverse."""
+"""Changes that are each their own inverse."""
 
 
 def shifts(effort: Effort) -> Iterator[Found]:
-    """Input moved by one pixel: the output moves by two, away from the borders."""
+    """Moves the input by one pixel: the output moves by two, away from the borders."""
     inputs = patterns.make_pictures(SIDE)
     if not effort.quick:
         inputs |= patterns.make_patterns(SIDE, SIDE)
@@ -52,7 +54,7 @@ def shifts(effort: Effort) -> Iterator[Found]:
 
 
 def symmetries(effort: Effort) -> Iterator[Found]:
-    """Flips and transposition: the change over the network's error on the same pictures."""
+    """Flips and transposes pictures, and measures the change relative to the network's error on the same pictures."""
     inputs = patterns.make_pictures(2 * SIDE)
     truth = np.stack(list(inputs.values()))
     low = downsample(truth)
@@ -66,7 +68,7 @@ def symmetries(effort: Effort) -> Iterator[Found]:
 
 
 def order(effort: Effort) -> Iterator[Found]:
-    """A batch in another order, and a second run: the same bits."""
+    """Runs a batch in another order, and a second time: the same bits."""
     side = SIDE // 2
     images = np.stack([*patterns.make_pictures(side).values(), *patterns.make_patterns(side, side).values()])
     mixed = np.random.default_rng(0).permutation(len(images))
@@ -80,7 +82,7 @@ def order(effort: Effort) -> Iterator[Found]:
 
 
 def threads(effort: Effort) -> Iterator[Found]:
-    """1, 2, 3 and more threads: the same within half a level of 16 bits."""
+    """Runs 1, 2, 3 and more threads: the same within half a level of 16 bits."""
     inputs = patterns.make_pictures(SIDE)
     images = np.stack(list(inputs.values()))
     counts = (2,) if effort.quick else tuple(sorted({2, 3, 4, 7, count_available_cores()}))
@@ -92,7 +94,7 @@ def threads(effort: Effort) -> Iterator[Found]:
 
 
 def tile_sizes(effort: Effort) -> Iterator[Found]:
-    """Tiles of different sizes: the same within half a level of 16 bits."""
+    """Runs tiles of different sizes: the same within half a level of 16 bits."""
     image = patterns.make_natural(150, 130)[None]
     for name in effort.models:
         network, card = shipped.load_network(name), shipped.read_card(name)

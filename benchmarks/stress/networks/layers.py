@@ -1,4 +1,4 @@
-"""How large values grow inside a network, and the margin up to the limits of number formats."""
+"""Measures how large values grow inside a network, and the margin up to the limits of number formats."""
 
 from __future__ import annotations
 
@@ -22,28 +22,30 @@ SIDE = 32
 FLOAT16 = 65504.0
 """The largest float16."""
 HEADROOM = 64.0
-"""How many times larger than anything met float16's limit must be: sums on the way to a value may pass it by as much as
-a filter has entries of either sign, and other weights of the same design by a little."""
+"""How many times larger float16's limit must be than any value that occurs. Sums on the way to a value may exceed it by
+as much as a filter has entries of either sign, and other weights of the same design by a little."""
 GROWTH = 32.0
 """How many times the largest value may grow in one layer. Three such layers in a row would reach half of `FLOAT16` from
 1."""
 PICTURES = 0.01
-"""Share of a tensor's values that may lie on the ends of its int8 grid for pictures: grids are chosen for least squared
+"""Share of a tensor's values that may lie on the ends of its int8 grid for pictures. Grids are chosen for least squared
 error, which cuts rare values, and one in a hundred is no longer rare."""
 PATTERNS = 0.75
-"""The same for patterns: at least a quarter of the values still distinguishes inputs. `signals.against_float` bounds
+"""The share for patterns: at least a quarter of the values still distinguishes inputs. `signals.against_float` bounds
 the effect on the result."""
 
 
 def make_inputs() -> tuple[list[str], Values]:
-    """Pictures and patterns, the names of both."""
+    """Returns the names of pictures and patterns, and their values."""
     inputs = {**patterns.make_pictures(SIDE), **patterns.make_patterns(SIDE, SIDE)}
     return list(inputs), np.stack(list(inputs.values()))
 
 
 @skip_without("onnx", "activations")
 def activations(effort: Effort) -> Iterator[Found | Skipped]:
-    """The largest value of each convolution's output on pictures and patterns, and its growth from layer to layer."""
+    """Measures the largest value of each convolution's output on pictures and patterns, and its growth from layer to
+    layer.
+    """
     names, images = make_inputs()
     for name in shipped.list_float_networks(effort):
         weights = shipped.read_weights(name)
@@ -61,19 +63,19 @@ def activations(effort: Effort) -> Iterator[Found | Skipped]:
 
 @skip_without("onnx", "saturation")
 def saturation(effort: Effort) -> Iterator[Found | Skipped]:
-    """The share of each int8 tensor's values that lie on the ends of its grid, on pictures and on patterns."""
+    """Measures the share of each int8 tensor's values that lie on the ends of its grid, on pictures and on patterns."""
     names, images = make_inputs()
     count = len(patterns.make_pictures(SIDE))  # they come first
     for _, name in shipped.list_int8_twins(effort):
         weights = shipped.read_weights(name)
         rounding = [node for node in shipped.list_nodes(weights) if node.op_type == "QuantizeLinear"]
-        rounding = rounding[1:]  # the first is the picture itself, whose grid is its 256 levels
+        rounding = rounding[1:]  # the first node is the picture itself, whose grid is its 256 levels
         tensors = [text for node in rounding for text in (node.output[0], node.input[2])]
         inside = shipped.expose_tensors(weights, tensors, is_int8=True)(images)
         shares = {}
         for node in rounding:
             codes, zero = inside[node.output[0]], int(inside[node.input[2]])
-            # Where zero has code 0, that code is what Relu makes of all below, as it would in float.
+            # If zero has code 0, Relu turns everything below into that code, as it would in float.
             ends = (codes == 255) | ((codes == 0) & (zero > 0))
             shares[node.output[0]] = ends.mean(axis=(1, 2, 3))
         for kind, bound, part in (("pictures", PICTURES, slice(count)), ("patterns", PATTERNS, slice(count, None))):
@@ -83,7 +85,7 @@ def saturation(effort: Effort) -> Iterator[Found | Skipped]:
 
 
 def _find_previous(nodes: list[NodeProto], layers: list[str]) -> dict[str, str]:
-    """For each of `layers` the nearest one upstream along first inputs; empty where the picture comes first."""
+    """Returns the nearest layer upstream of each of `layers` along first inputs; empty if the picture comes first."""
     first = {node.output[0]: node.input[0] for node in nodes if node.input}
     found = {}
     for layer in layers:

@@ -1,6 +1,6 @@
-"""The inputs: pictures made by code, and patterns that no picture holds.
+"""The inputs: pictures made by code, and patterns that do not occur in pictures.
 
-All are float32 `(3, H, W)`; in [0, 1], but for those of `make_outside`.
+All are float32 `(3, H, W)`, in [0, 1] except for those of `make_outside`.
 """
 
 from __future__ import annotations
@@ -21,15 +21,16 @@ if TYPE_CHECKING:
     Values = NDArray[np.float32]
 
 DENORMAL = 1e-40
-"""Below the least normal float32, 1.2e-38."""
+"""A value below the least normal float32, 1.2e-38."""
 SAMPLES = 4
 """Rays along each side of a pixel of `render_views`."""
 
 
 def make_natural(height: int, width: int, *, seed: int = 0) -> Values:
-    """Noise whose amplitude falls as 1/frequency, as that of photographs does (Field, J. Opt. Soc. Am. A 4(12), 1987).
+    """Makes noise whose amplitude falls as 1/frequency, like that of photographs (Field, J. Opt. Soc. Am. A 4(12),
+    1987).
 
-    Mean 0.5, standard deviation 0.18; the channels share three quarters of their amplitude.
+    The mean is 0.5 and the standard deviation 0.18; the channels share three quarters of their amplitude.
     """
     random = np.random.default_rng((seed, height, width))
     frequency = np.hypot(np.fft.fftfreq(height)[:, None], np.fft.rfftfreq(width))
@@ -42,7 +43,7 @@ def make_natural(height: int, width: int, *, seed: int = 0) -> Values:
 
 @cache
 def render_views(side: int) -> dict[str, Values]:
-    """The shipped scenes, each as the middle view of a lens array of `side x side`, 16 rays a lens."""
+    """Renders the shipped scenes, each as the middle view of a lens array of `side x side`, 16 rays a lens."""
     array = LensArray(side, side, 1, 1)
     return {name: _view(name, array) for name in SCENES}
 
@@ -56,12 +57,12 @@ def _view(name: str, array: LensArray) -> Values:
 
 
 def make_pictures(side: int) -> dict[str, Values]:
-    """Pictures of the kind that networks are made for: `render_views`, and `make_natural`."""
+    """Makes pictures of the kind that networks are made for: `render_views`, and `make_natural`."""
     return {**render_views(side), "1/f noise": make_natural(side, side)}
 
 
 def make_patterns(height: int, width: int) -> dict[str, Values]:
-    """Constants, one hot pixel, checkerboards and stripes up to Nyquist, steps, noises, denormals."""
+    """Makes constants, one hot pixel, checkerboards and stripes up to Nyquist, steps, noises, denormals."""
     random = np.random.default_rng((0, height, width))
     y, x = np.mgrid[:height, :width]
     hot = np.zeros((3, height, width), np.float32)
@@ -91,7 +92,7 @@ def make_patterns(height: int, width: int) -> dict[str, Values]:
 
 
 def make_sinusoids(side: int, steps: int) -> dict[str, Values]:
-    """`0.5 + 0.5 cos` along all pairs of frequencies from 0 to Nyquist in `steps` steps, both slants."""
+    """Makes `0.5 + 0.5 cos` along all pairs of frequencies from 0 to Nyquist in `steps` steps, in both slants."""
     y, x = np.mgrid[:side, :side]
     found = {}
     for down in range(steps + 1):
@@ -102,7 +103,7 @@ def make_sinusoids(side: int, steps: int) -> dict[str, Values]:
 
 
 def make_outside(height: int, width: int) -> dict[str, Values]:
-    """Values up to +-10, outside the range of pictures."""
+    """Makes values up to +-10, outside the range of pictures."""
     random = np.random.default_rng((height, width))
     shape = (3, height, width)
     y, x = np.mgrid[:height, :width]

@@ -1,4 +1,4 @@
-"""x2, the mean of each 2x2, and again: 50 rounds must neither drift nor ring."""
+"""Upscales by 2, takes the mean of each 2x2, and repeats: 50 rounds must neither drift nor ring."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
 SIDE = 48
 ROUNDS = 50
 DRIFT = 10.0
-"""Levels that the mean may have moved after all rounds: a fifth of a level a round."""
+"""How many levels the mean may have moved after all rounds: a fifth of a level a round."""
 RINGING = 1.05**50
 """How many times as large the total variation may become, 11.5: 5 % a round, 50 times over. A round sharpens a little,
-since networks learn to undo a coarser sampling than the mean of 2x2; what is sharpened is sharpened again."""
+because networks learn to undo a coarser sampling than the mean of 2x2, and the next round sharpens the result again."""
 DRIFT_KNOWN = {"paper": 40.0}
 """The paper's network drifts. It ships for comparison."""
 
 
 def rounds(effort: Effort) -> Iterator[Found]:
-    """Pictures upscaled and averaged down again and again: their mean level and total variation."""
+    """Upscales pictures and averages them down again and again, and measures their mean level and total variation."""
     inputs = patterns.make_pictures(SIDE)
     first = np.stack(list(inputs.values()))
     count = 10 if effort.quick else ROUNDS
@@ -46,7 +46,7 @@ def rounds(effort: Effort) -> Iterator[Found]:
 
 
 def compute_variation(images: Values) -> Values:
-    """Mean absolute difference of neighbours, down and across, of each picture: `(N, C, H, W)` -> `(N,)`."""
+    """Returns each picture's mean absolute difference of neighbours, down and across: `(N, C, H, W)` -> `(N,)`."""
     sums = [np.abs(np.diff(images, axis=axis)).mean(axis=(1, 2, 3)) for axis in (2, 3)]
     return np.asarray(sums[0] + sums[1])
 

@@ -1,4 +1,4 @@
-"""Every network on pictures, patterns and sinusoids: against the ONNX reference, and int8 against float."""
+"""Runs every network on pictures, patterns and sinusoids: against the ONNX reference, and int8 against float."""
 
 from __future__ import annotations
 
@@ -21,33 +21,33 @@ SIDE = 32
 STEPS = 16
 """All frequencies of a picture of 32x32, from 0 to Nyquist."""
 REFERENCE_STEPS = 3
-"""The same for the reference, which takes a quarter of a second for a picture."""
+"""Steps for the reference, which takes a quarter of a second for a picture."""
 INT8_ROUNDING = 3.0
-"""Levels RMS that int8 in onnxruntime may differ from int8 in the reference. Where float rounding differs at a half,
-the code is its neighbour, and later layers pass the step on; a periodic pattern has it everywhere at the same time.
-Steps of the last grids are under one level."""
+"""Levels RMS that int8 in onnxruntime may differ from int8 in the reference. If float rounding differs at a half, the
+code is its neighbour, and later layers pass the step on; in a periodic pattern this happens everywhere at the same
+time. Steps of the last grids are under one level."""
 INT8_RMS = 2.0
 """Levels RMS that int8 may be away from float on pictures. The export stops at 0.08 dB lost on average over its views
-(`training.export.quantise.LIMIT`): of a float network with 33 dB, that is 0.8 levels. The bound is 0.5 dB of 33."""
+(`training.export.quantise.LIMIT`): for a float network with 33 dB, that is 0.8 levels. The bound is 0.5 dB of 33."""
 INT8_WORST = 32.0
-"""Levels, of the worst pixel of pictures: an eighth of the range, visible as one odd pixel beside an edge."""
+"""Levels that the worst pixel of pictures may be off: an eighth of the range, seen as one odd pixel next to an edge."""
 INT8_FURTHER = 2.55
 """Levels RMS, a hundredth of the range, by which int8 may be further from bicubic interpolation than float is, whatever
-the input. Grids are made for pictures; values outside are cut, so a pattern gets a smaller correction, which is added
-to an exact base: int8 falls back to interpolation."""
+the input. Grids are made for pictures, and values outside are cut. So a pattern gets a smaller correction, which is
+added to an exact base: int8 falls back to interpolation."""
 SCALE_OUTSIDE = 10.0
 """Rounding errors are relative: values ten times as large may differ by ten times as much."""
 
 
 def make_inputs(steps: int) -> dict[str, Values]:
-    """Pictures, patterns and sinusoids of one size."""
+    """Makes pictures, patterns and sinusoids of one size."""
     waves = patterns.make_sinusoids(SIDE, steps)
     return {**patterns.make_pictures(SIDE), **patterns.make_patterns(SIDE, SIDE), **waves}
 
 
 @skip_without("onnx", "onnxruntime against the reference on patterns")
 def against_reference(effort: Effort) -> Iterator[Found | Skipped]:
-    """onnxruntime against the ONNX reference on pictures, patterns and sinusoids."""
+    """Compares onnxruntime with the ONNX reference on pictures, patterns and sinusoids."""
     inputs = make_inputs(1 if effort.quick else REFERENCE_STEPS)
     names, images = list(inputs), np.stack(list(inputs.values()))
     for name in effort.models:
@@ -58,7 +58,7 @@ def against_reference(effort: Effort) -> Iterator[Found | Skipped]:
 
 @skip_without("onnx", "onnxruntime against the reference outside [0, 1]")
 def outside_the_range(effort: Effort) -> Iterator[Found | Skipped]:
-    """The same for values up to +-10, which only the graph itself takes."""
+    """Compares onnxruntime with the ONNX reference for values up to +-10, which only the graph itself accepts."""
     inputs = patterns.make_outside(SIDE, SIDE)
     images = np.stack(list(inputs.values()))
     for name in shipped.list_float_networks(effort):
@@ -68,7 +68,7 @@ def outside_the_range(effort: Effort) -> Iterator[Found | Skipped]:
 
 
 def against_float(effort: Effort) -> Iterator[Found]:
-    """int8 against float on pictures, patterns and sinusoids of all frequencies."""
+    """Compares int8 with float on pictures, patterns and sinusoids of all frequencies."""
     inputs = make_inputs(2 if effort.quick else STEPS)
     names, images = list(inputs), np.stack(list(inputs.values()))
     count = len(patterns.make_pictures(SIDE))  # they come first

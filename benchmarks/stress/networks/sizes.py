@@ -1,4 +1,4 @@
-"""Every network on pictures of every size and shape: against the ONNX reference, and int8 against float."""
+"""Runs every network on pictures of every size and shape: against the ONNX reference, and int8 against float."""
 
 from __future__ import annotations
 
@@ -23,19 +23,21 @@ QUICK = ((1, 1), (1, 2), (2, 1), (1, 40), (40, 1), (5, 7), (8, 8), (13, 31), (1,
 EXTREMES = ((1, 4096), (4096, 1), (2, 3000), (3000, 3))
 FLAT = 4.0
 """Levels by which a flat picture may change, whatever its size. Networks pad with zeros and learn to compensate for it;
-where they have not, white gets a darker frame."""
+if they have not, white gets a darker frame."""
 FLAT_KNOWN = {"paper": 8.0}
 """The paper's network has that frame on white. It ships for comparison, as published."""
 
 
 def list_sizes(effort: Effort) -> tuple[tuple[int, int], ...]:
-    """(height, width) of every size to be tried."""
+    """Returns (height, width) of every size to be tried."""
     sides = range(1, LARGEST + 1)
     return QUICK if effort.quick else (*((height, width) for height in sides for width in sides), *EXTREMES)
 
 
 def crop_picture(height: int, width: int) -> Values:
-    """`(1, 3, height, width)` out of the middle of a natural picture, so that a small one is as smooth as a large."""
+    """Returns `(1, 3, height, width)` from the middle of a natural picture, so that a small one is as smooth as a large
+    one.
+    """
     tall, wide = max(64, height), max(64, width)
     picture = patterns.make_natural(tall, wide)
     top, left = (tall - height) // 2, (wide - width) // 2
@@ -44,7 +46,7 @@ def crop_picture(height: int, width: int) -> Values:
 
 @skip_without("onnx", "onnxruntime against the reference at every size")
 def against_reference(effort: Effort) -> Iterator[Found | Skipped]:
-    """onnxruntime against the ONNX reference at heights 1, 2, 3, 5, ..., 34 and every width from 1 to 40."""
+    """Compares onnxruntime with the ONNX reference at heights 1, 2, 3, 5, ..., 34 and every width from 1 to 40."""
     heights = (1, 2, 3, 5, 8, 13, 21, 34)  # the reference is too slow for all
     sizes = [size for size in list_sizes(effort) if size[0] in heights]
     for name in effort.models:
@@ -60,7 +62,7 @@ def against_reference(effort: Effort) -> Iterator[Found | Skipped]:
 
 
 def against_float(effort: Effort) -> Iterator[Found]:
-    """int8 against float at every size from 1x1 to 40x40, and 1x4096."""
+    """Compares int8 with float at every size from 1x1 to 40x40, and 1x4096."""
     tried = {f"{height}x{width}": crop_picture(height, width) for height, width in list_sizes(effort)}
     for name, twin in shipped.list_int8_twins(effort):
         exact, coarse = catalogue.load_upscaler(name), catalogue.load_upscaler(twin)
@@ -70,7 +72,7 @@ def against_float(effort: Effort) -> Iterator[Found]:
 
 
 def flat(effort: Effort) -> Iterator[Found]:
-    """A flat picture of every size comes out flat, and twice as large."""
+    """Checks that a flat picture of every size comes out flat, and twice as large."""
     tried = [(size, grey) for size in list_sizes(effort) for grey in (0.0, 0.5, 1.0)]
     names = [f"{height}x{width} of {grey}" for (height, width), grey in tried]
     for name in effort.models:

@@ -1,1 +1,1 @@
-"""Readers of files that hold a whole light field."""
+"""Readers for files that hold a whole light field."""

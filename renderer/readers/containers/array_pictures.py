@@ -1,4 +1,4 @@
-"""Elemental image arrays and mosaics as one array, `(H, W)` or `(H, W, C)`, in NPY, NPZ, MAT and HDF5."""
+"""Reads elemental image arrays and mosaics stored as one array, `(H, W)` or `(H, W, C)`, in NPY, NPZ, MAT and HDF5."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
 
 ROWS = 256
-"""Rows of floating-point samples that are rounded at once, so that temporary arrays are small."""
+"""How many rows of floating-point samples are rounded at once, to keep temporary arrays small."""
 
 
 def is_picture(data: bytes, name: str, limits: Limits) -> bool:
-    """Whether a file of arrays holds a picture, and no light field. `name` is for messages."""
+    """Returns whether a file of arrays holds a picture and no light field. `name` is for messages."""
     return _find(data, name, limits) is not None
 
 
 def read(data: bytes, name: str, limits: Limits) -> tuple[Pixels, tuple[str, ...]]:
-    """The pixels `(H, W, C)` of the picture that `is_picture` finds, with a note where they were rounded to 16 bit.
+    """Reads the pixels `(H, W, C)` of the picture that `is_picture` finds, with a note if they were rounded to 16 bit.
 
     Raises `TooLarge` over `limits`, `UnsupportedType` for samples that are neither uint8, uint16 nor floating-point,
-    and `Unreadable` for floating-point ones that are not from 0 to 1.
+    and `Unreadable` for floating-point samples outside 0 to 1.
     """
     found = _find(data, name, limits)
     if found is None:
@@ -67,8 +67,9 @@ def read(data: bytes, name: str, limits: Limits) -> tuple[Pixels, tuple[str, ...
 
 
 def _find(data: bytes, name: str, limits: Limits) -> tuple[str, Header] | None:
-    """The name of the picture in its file, and its header; None where a light field is there, in a struct or group too,
-    or other views.
+    """Returns the name of the picture in its file, and its header.
+
+    Returns None if the file also holds a light field, even in a struct or group, or other views.
     """
     headers = _list_headers(data, name, limits)
     arrays_ = {key: header for key, header in headers.items() if header is not None}
@@ -79,8 +80,10 @@ def _find(data: bytes, name: str, limits: Limits) -> tuple[str, Header] | None:
 
 
 def find_picture(headers: Mapping[str, Header]) -> str | None:
-    """The key of the only array that is a picture by its axes and size, of those that can be read if there are any.
-    None where there is another number of them, a light field, or an array of views of a picture's size.
+    """Returns the key of the only array with the axes and size of a picture.
+
+    If some of these arrays have a type that is read, only those count. Returns None if none or several are left, and if
+    there is a light field or an array of views of a picture's size.
     """
     shapes = {key: header.shape for key, header in headers.items()}
     found = [key for key, shape in shapes.items() if has_axes_of_picture(shape)]
@@ -95,18 +98,20 @@ def _holds_views(shape: tuple[int, ...]) -> bool:
 
 
 def _list_headers(data: bytes, name: str, limits: Limits) -> Mapping[str, Header | None]:
-    """Of the arrays of numbers in a file, by name, that in an NPY by an empty one; None of structs and groups."""
+    """Returns the headers of a file's arrays of numbers by name, and None for structs and groups. The array of an NPY
+    file has an empty name.
+    """
     if data.startswith(np.lib.format.MAGIC_PREFIX):
         return {"": arrays.Array(data, name).header}
     if data.startswith(b"PK"):
         return arrays.list_headers(data, name, limits)
-    from ciir.renderer.readers.containers import hdf5, mat  # they import h5py
+    from ciir.renderer.readers.containers import hdf5, mat  # these import h5py
 
     return mat.list_headers(data, name) if data.startswith(mat.VERSION_5) else hdf5.list_headers(data)
 
 
 def _list_inner_shapes(data: bytes, name: str, limits: Limits) -> Mapping[str, tuple[int, ...]]:
-    """The shapes of what structs or groups hold, as deep as light fields are looked for."""
+    """Returns the shapes of arrays in structs or groups, down to the depth at which light fields are searched for."""
     from ciir.renderer.readers.containers import hdf5, mat
 
     if data.startswith(mat.VERSION_5):
@@ -115,7 +120,7 @@ def _list_inner_shapes(data: bytes, name: str, limits: Limits) -> Mapping[str, t
 
 
 def _read_array(data: bytes, key: str, what: str, limits: Limits) -> NDArray[Any]:
-    """The array `key`, `(H, W)` or `(H, W, C)`; `what` names it in messages."""
+    """Reads the array `key`, `(H, W)` or `(H, W, C)`; `what` names it in messages."""
     if data.startswith(np.lib.format.MAGIC_PREFIX):
         return arrays.Array(data, what).read()
     if data.startswith(b"PK"):

@@ -1,8 +1,8 @@
-"""Reads NumPy's npy and npz, never by pickle.
+"""Reads NumPy's npy and npz files, never with pickle.
 
-- npy: an array `L[v, u, y, x, c]`, or `L[v, u, y, x]` of grey views; in our own files the depth sense is
-  behind it, as text without axes;
-- npz: one array, under any name; or what `renderer.writers.archives.NpzWriter` writes, `views[n, y, x, c]` with
+- npy: an array `L[v, u, y, x, c]`, or `L[v, u, y, x]` of grey views. In our own files the depth sense follows it, as
+  text without axes.
+- npz: one array, under any name; or the output of `renderer.writers.archives.NpzWriter`: `views[n, y, x, c]` with
   `positions[n] = (v, u)` and the report.
 
 The format is that of `numpy.lib.format`.
@@ -45,9 +45,9 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.layout import Layout
 
 _MOST_HEADER = 20_000
-"""Bytes; NumPy reads headers of up to 10,000."""
+"""In bytes; NumPy reads headers of up to 10,000."""
 _LOCAL_HEADER = struct.Struct("<26xHH")
-"""Of a zip's member: the lengths of its name and of what else comes before its content."""
+"""The end of a zip member's local header: the lengths of its name and of whatever else precedes its content."""
 VIEWS, POSITIONS, REPORT = "views", "positions", "report"
 
 
@@ -60,7 +60,7 @@ class Array:
         read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}.get(version)
         if read is None:
             raise UnsupportedType(f"{name}: version {version[0]}.{version[1]} of npy is not read; save it with NumPy")
-        with warnings.catch_warnings():  # of headers as Python 2 wrote them
+        with warnings.catch_warnings():  # about headers that Python 2 wrote
             warnings.simplefilter("ignore", UserWarning)
             shape, self._is_fortran, self.dtype = read(file)
         self.shape: tuple[int, ...] = tuple(map(int, shape))
@@ -77,7 +77,7 @@ class Array:
         return self._start + math.prod(self.shape) * self.dtype.itemsize
 
     def read(self) -> NDArray[Any]:
-        """The array; it shares memory with the file's bytes and is read-only."""
+        """Returns the array. It shares memory with the file's bytes and is read-only."""
         if len(self._data) < self.end:
             raise Unreadable(f"{self._name}: the array's samples are cut off; give the whole file")
         flat = np.frombuffer(self._data, self.dtype, math.prod(self.shape), self._start)
@@ -85,16 +85,18 @@ class Array:
 
     @property
     def header(self) -> Header:
-        """What stands before the samples."""
+        """The description that precedes the samples."""
         return Header(self.shape, math.prod(self.shape) * self.dtype.itemsize, is_type_read(self.dtype))
 
     def read_text(self) -> str | None:
-        """The text of an array without axes; None where it is another array."""
+        """Returns the text of an array without axes, or None if it is another array."""
         return str(self.read()) if self.shape == () and self.dtype.kind == "U" else None
 
 
 def read_npy(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
-    """The array as it is, `views[v, u, y, x, c]`, with the depth sense behind it, else that of cameras, with a note."""
+    """Reads the array as it is, `views[v, u, y, x, c]`, with the depth sense that follows it, else that of cameras,
+    with a note.
+    """
     array, stated = Array(data, name), None
     if data[array.end :].startswith(np.lib.format.MAGIC_PREFIX):
         stated = Array(memoryview(data)[array.end :], name).read_text()
@@ -102,7 +104,7 @@ def read_npy(data: bytes, *, name: str, layout: Layout, limits: Limits) -> Light
 
 
 def _read_array(array: Array, stated: object, name: str, layout: Layout, limits: Limits) -> LightField:
-    """Five axes as they are; four, or three of grey views, whose first one counts the views, as a grid of these."""
+    """Reads five axes as they are. Four, or three of grey views, become a grid: the first axis counts the views."""
     shape, notes = settle_axes(array.shape[:4] if array.is_grey else array.shape, layout, name)
     check_array(name, shape, array.dtype, limits)
     made = _make_light_field(array.read().reshape(shape), stated, name, layout)
@@ -116,8 +118,9 @@ def _make_light_field(views: NDArray[Any], stated: object, name: str, layout: La
 
 
 def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
-    """The array `LF`, or the only one, or the one with five axes, or the views at their positions, with the depth sense
-    that the report states, else that of cameras, with a note.
+    """Reads the array `LF`, or the only one, or the one with five axes, or the views at their positions.
+
+    The depth sense is the one that the report states, else that of cameras, with a note.
     """
     with _open_npz(data, name, limits) as (archive, members):
         arrays = {
@@ -139,7 +142,7 @@ def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> Light
 
 
 def list_headers(data: bytes, name: str, limits: Limits) -> dict[str, Header]:
-    """The headers of all arrays of an npz but texts. Packed ones are not unpacked further."""
+    """Returns the headers of all arrays of an npz except texts. Packed arrays are not unpacked further."""
     with _open_npz(data, name, limits) as (archive, members):
         starts = {key: archive.open(member).read(_MOST_HEADER) for key, member in members.items()}
     found = {key: Array(start, f"{name}: {clean_text(key)}") for key, start in starts.items()}
@@ -147,14 +150,14 @@ def list_headers(data: bytes, name: str, limits: Limits) -> dict[str, Header]:
 
 
 def read_array(data: bytes, key: str, name: str, limits: Limits) -> NDArray[Any]:
-    """The array `key` of an npz; `name` is for messages."""
+    """Reads the array `key` of an npz; `name` is for messages."""
     with _open_npz(data, name, limits) as (archive, members):
         return Array(_read_member(archive, members[key], data, name), name).read()
 
 
 @contextmanager
 def _open_npz(data: bytes, name: str, limits: Limits) -> Iterator[tuple[zipfile.ZipFile, dict[str, zipfile.ZipInfo]]]:
-    """The zip and those of its members that are arrays, by the arrays' names."""
+    """Opens the zip, and yields it with those of its members that are arrays, by the arrays' names."""
     from ciir.renderer.readers.bundle import check_members, check_sum
 
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -164,7 +167,7 @@ def _open_npz(data: bytes, name: str, limits: Limits) -> Iterator[tuple[zipfile.
 
 
 def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, data: bytes, name: str) -> bytes | memoryview:
-    """The content of a member of the zip `data`; without a copy where it is stored as it is."""
+    """Returns the content of a member of the zip `data`, without a copy if it is stored uncompressed."""
     if member.compress_type != zipfile.ZIP_STORED:
         return archive.read(member)
     start = member.header_offset + sum(_LOCAL_HEADER.unpack_from(data, member.header_offset), _LOCAL_HEADER.size)
@@ -179,7 +182,7 @@ def _is_npy(key: str) -> bool:
 
 
 def _read_views(arrays: Mapping[str, Array], name: str, layout: Layout, limits: Limits) -> LightField:
-    """The views of our own npz, each at its position; all positions of a grid from (0, 0) must be there."""
+    """Reads the views of our own npz, each at its position; all positions of a grid from (0, 0) must be present."""
     views, positions = arrays[VIEWS], arrays[POSITIONS]
     count = views.shape[0] if len(views.shape) == 4 else 0
     if count < 1 or positions.shape != (count, 2) or positions.dtype.kind not in "iu":
@@ -194,7 +197,7 @@ def _read_views(arrays: Mapping[str, Array], name: str, layout: Layout, limits: 
     order = np.full(count, -1)
     order[places[:, 0].astype(np.int64) * columns + places[:, 1]] = np.arange(count)
     if (order < 0).any():
-        raise Unreadable(f"{name}: a position is there twice; give the npz as it was written")
+        raise Unreadable(f"{name}: a position occurs twice; give the npz as it was written")
     stored = views.read()
     if not np.array_equal(order, np.arange(count)):
         stored = stored[order]
@@ -202,11 +205,11 @@ def _read_views(arrays: Mapping[str, Array], name: str, layout: Layout, limits: 
 
 
 def _find_depth_sense(arrays: Mapping[str, Array]) -> object:
-    """What the report states; None where there is none."""
+    """Returns what the report states, or None if there is no report."""
     text = arrays[REPORT].read_text() if REPORT in arrays else None
     if text is None:
         return None
     try:
         return json.loads(text)["lens_array"]["depth_sense"]
-    except (LookupError, TypeError, ValueError, RecursionError):  # a report of another program
+    except (LookupError, TypeError, ValueError, RecursionError):  # a report from another program
         return None

@@ -1,4 +1,4 @@
-"""Light fields in cell arrays of MATLAB: `views{v, u}` is view (v, u), a picture of one size and class in each cell."""
+"""Light fields in MATLAB cell arrays: `views{v, u}` is view (v, u), each a picture of the same size and class."""
 
 from __future__ import annotations
 
@@ -28,31 +28,31 @@ if TYPE_CHECKING:
 LOGICAL = "logical"
 """MATLAB's class of true and false, stored as 1 and 0 of 8 bits."""
 NO_SAMPLES = np.dtype("V1")
-"""The type of samples that are not read."""
+"""The type that stands for samples that are not read."""
 _NUMBERS = (LOGICAL, "single", "double", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))
 _MOST_CELLS = 2500
-"""Cells of a file that are looked at, such as 50x50: HDF5 takes about 1 ms to read each."""
+"""The most cells of a file that are looked at, such as 50x50: HDF5 takes about 1 ms to read each."""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """What a cell holds, by its header."""
+    """The contents of a cell, as its header describes them."""
 
     kind: str = ""
-    """MATLAB's class; empty for what is no array, or lies elsewhere."""
+    """MATLAB's class; empty if the cell holds no array, or one that lies elsewhere."""
     shape: tuple[int, ...] = ()
-    """As MATLAB counts axes."""
+    """The axes in MATLAB's order."""
     dtype: np.dtype[Any] = NO_SAMPLES
-    """Of its samples."""
+    """The type of the samples."""
 
     @property
     def is_picture(self) -> bool:
-        """Whether it has the class, the axes and the size of a view; the class may be one that is not read."""
+        """Whether the cell has the class, axes and size of a view; the class may be one that is not read."""
         return self.kind in _NUMBERS and has_axes_of_picture(self.shape)
 
     @property
     def is_read(self) -> bool:
-        """Whether samples are of a type that is read."""
+        """Whether the samples have a type that is read."""
         return self.kind != LOGICAL and is_type_read(self.dtype)
 
     def __str__(self) -> str:
@@ -67,23 +67,26 @@ class CellArray:
 
     shape: tuple[int, ...]
     cells: Iterable[Cell]
-    """The first axis fastest; listed once, and only as far as they are looked at."""
+    """The cells, the first axis fastest. They are listed once, and only as far as they are looked at."""
 
     @property
     def may_hold_views(self) -> bool:
-        """Whether it has rows and columns, more than one cell, and a picture in the first one."""
+        """Whether the array has rows and columns, more than one cell, and a picture in the first cell."""
         is_grid = len(self.shape) == 2 and min(self.shape) >= 1 and math.prod(self.shape) > 1
         return is_grid and next(iter(self.cells), Cell()).is_picture
 
     def compare_cells(self, name: str, most: int) -> tuple[Cell, int, str]:
-        """The first cell, the number of pictures like it that begin the array `name`, and what ends them: empty where
-        all cells are such. Of more than `most` cells only the first is looked at.
+        """Returns the first cell, the number of cells from the start that are pictures like it, and the reason why the
+        next one isn't.
+
+        The reason is empty if all cells are. `name` is the array's, for messages. If there are more than `most` cells,
+        only the first one is looked at.
         """
         count, number, first = math.prod(self.shape), 0, Cell()
         if min(self.shape) < 1:
             return first, 0, f"{name} has no cells"
         if count == 1:
-            return first, 0, f"{name} has only one cell, and an elemental image array must be an array, in no cell"
+            return first, 0, f"{name} has only one cell, and an elemental image array must be an array outside cells"
         if count > most:
             first = next(iter(self.cells), Cell())
             return first, 0, f"{name} has {count:,} cells, and at most {_MOST_CELLS:,} of a file are looked at"
@@ -102,18 +105,20 @@ class Views:
 
     grid: tuple[int, ...]
     cell: Cell
-    """As all are."""
+    """The header that all cells share."""
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """`(V, U, H, W, C)`."""
+        """The shape `(V, U, H, W, C)`."""
         return (*self.grid, *self.cell.shape[:2], math.prod(self.cell.shape[2:]))
 
     def read(
         self, cells: Iterator[NDArray[Any]], *, name: str, layout: Layout, limits: Limits
     ) -> tuple[NDArray[Any], tuple[str, ...]]:
-        """`(V, U, H, W, C)` of the samples of `cells`, the first axis fastest; a row or a column of them is a grid that
-        `settle_grid` finds, with its notes. Raises as `check_array`, before a cell is read.
+        """Reads the samples of `cells`, the first axis fastest, as `(V, U, H, W, C)`.
+
+        A single row or column of cells becomes the grid that `settle_grid` finds, with its notes. Raises like
+        `check_array`, before any cell is read.
         """
         grid, notes = self.grid, tuple[str, ...]()
         if 1 in grid:
@@ -127,10 +132,11 @@ class Views:
 
 
 def find_views(arrays: Mapping[str, CellArray]) -> tuple[dict[str, Views], str]:
-    """Those of a file's cell arrays that hold views, and for messages why another one doesn't: the one most like them.
+    """Returns the cell arrays of a file that hold views, and the reason why another one doesn't, for messages.
 
-    Where some have samples of a type that is read, only those. `LF` is looked at first. Beside those found, arrays that
-    begin with a picture and have more cells than are looked at count as well, so that none is taken by chance.
+    The reason is that of the array which comes closest. If some arrays have samples of a type that is read, only these
+    are returned. `LF` is looked at first. If any are found, arrays that begin with a picture and have more cells than
+    are looked at are returned too, so that none is selected by chance.
     """
     found: dict[str, Views] = {}
     unknown: dict[str, Views] = {}

@@ -1,7 +1,7 @@
 """Reads Lytro's ESLF: an elemental image array of 14x14 pixels under each lens, `eslf[14*y + v, 14*x + u]`.
 
-Lytro Desktop exports it, and the archives of Stanford and of Kalantari et al. (2016) hold it. Views at the rim of the
-lenses are empty; rows and columns that the last lenses lack are filled up with zeros (LFReadESLF.m of the Light Field
+Lytro Desktop exports it, and the archives of Stanford and of Kalantari et al. (2016) use it. Views at the rim of the
+lenses are empty. Rows and columns missing from the last lenses are filled with zeros (LFReadESLF.m of the Light Field
 Toolbox). u grows to the right, as with cameras.
 """
 
@@ -23,32 +23,33 @@ if TYPE_CHECKING:
 
 PIXELS = (14, 14)
 LENSES = (range(375, 377), range(540, 542))
-"""Rows and columns of lenses of the Lytro Illum."""
+"""Rows and columns of lenses in the Lytro Illum."""
 EMPTY = 0.02
-"""A view whose mean is below this share of that of the brightest view is empty."""
+"""A view is empty if its mean is below this share of that of the brightest view."""
 
 RECOGNISED = (
     "read as Lytro's ESLF, as the corner views of its 14x14 are empty: u counts cameras from the left; arrangement eia "
     "reads it as an elemental image array of a lens array"
 )
-"""A note on a picture that neither its name nor its size makes ESLF."""
+"""The note on a picture that is recognised as ESLF though neither its name nor its size shows it."""
 
 
 def is_eslf(name: str, data: bytes) -> bool:
-    """Whether a PNG is named `..._eslf.png`, or has the size of the Illum's."""
+    """Returns whether a PNG is named `..._eslf.png`, or has the size of the Illum's."""
     height, width = int.from_bytes(data[20:24], "big"), int.from_bytes(data[16:20], "big")
     is_of_size = height // PIXELS[0] in LENSES[0] and width // PIXELS[1] in LENSES[1]
     return names.is_eslf(name) or is_of_size
 
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
-    """The views that are not empty, of a lens of `layout.pixels`, by default 14x14."""
+    """Reads the views that are not empty, with lenses of `layout.pixels`, by default 14x14."""
     return select_views(_map(pictures.decode(data, name=name, max_pixels=limits.pixels), layout.pixels or PIXELS))
 
 
 def has_empty_corners(views: Pixels) -> bool:
-    """Whether `views`, all of an elemental image array, are the 14x14 of ESLF, and those at the corners are empty: the
-    round pupil of a lens doesn't reach them.
+    """Returns whether `views`, all views of an elemental image array, are the 14x14 of ESLF with empty corner views.
+
+    The round pupil of a lens doesn't reach the corners.
     """
     if views.shape[:2] != PIXELS:
         return False
@@ -59,7 +60,7 @@ def has_empty_corners(views: Pixels) -> bool:
 
 
 def select_views(views: Pixels) -> LightField:
-    """The light field of those of `views` that are not empty; a fourth channel is their weight."""
+    """Returns the light field of those `views` that are not empty; a fourth channel is their weight."""
     notes: tuple[str, ...] = ()
     weight = None
     if views.shape[4] == 4:
@@ -78,7 +79,7 @@ def select_views(views: Pixels) -> LightField:
 
 
 def _map(picture: Pixels, pixels: tuple[int, int]) -> Pixels:
-    """The views of an elemental image array, filled up with zeros to whole lenses."""
+    """Returns the views of an elemental image array, padded with zeros to whole lenses."""
     height, width = picture.shape[:2]
     below, beside = -height % pixels[0], -width % pixels[1]
     whole = cast("Pixels", np.pad(picture, ((0, below), (0, beside), (0, 0)))) if below or beside else picture
@@ -86,14 +87,17 @@ def _map(picture: Pixels, pixels: tuple[int, int]) -> Pixels:
 
 
 def _sum_views(views: Pixels) -> NDArray[np.uint64]:
-    """The sum of the samples of each view; rows of lenses first, which is the order of the picture's memory."""
+    """Returns the sum of the samples of each view. It sums over rows of lenses first, which is the order of the picture
+    in memory.
+    """
     sums: NDArray[np.uint64] = views.sum(axis=2, dtype=np.uint32).sum(axis=(2, 3), dtype=np.uint64)
     return sums
 
 
 def _find_full_grid(sums: NDArray[np.uint64]) -> tuple[slice, slice]:
-    """The views that are left when rows and columns on the margin are taken away, each time the one with the largest
-    share of empty views, until no view is empty.
+    """Returns the grid of views that remains when rows and columns at the margin are removed until no view is empty.
+
+    Each step removes the row or column with the largest share of empty views.
     """
     is_empty = sums <= EMPTY * sums.max()
     top, left, (bottom, right) = 0, 0, is_empty.shape

@@ -1,12 +1,12 @@
 """Reads light fields in HDF5: the old HCI data set, MATLAB 7.3, and the samples of BasicLFSR.
 
 - HCI: `LF[v, U-1-u, y, x, c]`, cameras counted from the right, with `dH` and others as attributes (Wanner, Meister &
-  Goldluecke, Datasets and Benchmarks for Densely Sampled 4D Light Fields, VMV 2013);
-- MATLAB 7.3: `LF[c, x, y, u, v]`, as HDF5 counts axes from the other end, or cells: references to the views;
+  Goldluecke, Datasets and Benchmarks for Densely Sampled 4D Light Fields, VMV 2013).
+- MATLAB 7.3: `LF[c, x, y, u, v]`, because HDF5 counts axes from the other end, or cells: references to the views.
 - BasicLFSR: `Hr_SAI_y[U*x, V*y]`, the transposed mosaic of the views' luminance (Generate_Data_for_Training.py).
 
-Only plain data sets of the file itself are read: no links to other files, and no filters but deflate, LZF
-and shuffle.
+Only plain data sets in the file itself are read: no links to other files, and no filters except deflate, LZF and
+shuffle.
 """
 
 from __future__ import annotations
@@ -41,29 +41,30 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.layout import Layout
 
 HCI_ATTRIBUTE = "dH"
-"""The distance of cameras; files of the old HCI data set have it."""
+"""The distance between cameras; files of the old HCI data set have it."""
 MOSAICS = ("Hr_SAI_y", "Lr_SAI_y")
 MOSAIC_GRID = (5, 5)
-"""Of BasicLFSR's samples where nothing else is known."""
+"""The grid of BasicLFSR's samples if nothing else is known."""
 WEIGHT = "the fourth channel of LF is a weight, not alpha: it is left out"
-"""A note."""
-NEEDED = "a light field LF with five axes, in no struct or up to two deep"
-"""What a MAT file of version 5 must hold, for messages."""
-_NEEDED = "a light field LF with five axes, in no group or up to two deep"
+"""The note on a fourth channel."""
+NEEDED = "a light field LF with five axes, at the top or up to two structs deep"
+"""The required content of a MAT file of version 5, for messages."""
+_NEEDED = "a light field LF with five axes, at the top or up to two groups deep"
 LEVELS = 2
-"""Of groups, or of structs of MATLAB, in which a light field is looked for."""
+"""How many levels of groups, or of MATLAB structs, are searched for a light field."""
 _CLASS = "MATLAB_class"
 _MOST_NAMES = 1000
 _LINKED = (0, 0, 0, 0, 0)
-"""Shape of a light field whose own isn't known."""
+"""The shape of a light field whose own shape isn't known."""
 
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
-    """The light field `LF`, or else the only data set with five axes, or else a mosaic of BasicLFSR; where nothing has
-    five axes, the only data set with five in the file's groups, or else in the groups of those, or else the only cell
-    array of MATLAB that holds views.
+    """Reads the light field `LF`, or else the only data set with five axes, or else a mosaic of BasicLFSR.
 
-    Raises `Unreadable` where there is none, and `UnsupportedType` for one that is not stored in the file.
+    If nothing has five axes, it reads the only data set with five in the file's groups, or else in the groups of those,
+    or else the only MATLAB cell array that holds views.
+
+    Raises `Unreadable` if there is none, and `UnsupportedType` if it is not stored in the file.
     """
     with h5py.File(io.BytesIO(data), "r") as file:
         shapes = {key: find_shape(file, key) for key in _list_names(file)}
@@ -93,12 +94,12 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
 
 
 def _list_names(file: h5py.File) -> list[str]:
-    """What the file holds, that of MATLAB's own groups, such as `#refs#`, last."""
+    """Returns the names of what the file holds, those of MATLAB's own groups, such as `#refs#`, last."""
     return sorted(islice(file, _MOST_NAMES), key=lambda name: name.startswith("#"))
 
 
 def _list_cell_arrays(file: h5py.File, shapes: Mapping[str, tuple[int, ...]], data: bytes) -> dict[str, CellArray]:
-    """MATLAB's cell arrays among the data sets of these `shapes`, but for those in cells."""
+    """Returns MATLAB's cell arrays among the data sets of these `shapes`, except those within cells."""
     arrays = {}
     for key, shape in shapes.items():
         is_array = len(shape) == 2 and not key.startswith("#")
@@ -109,22 +110,22 @@ def _list_cell_arrays(file: h5py.File, shapes: Mapping[str, tuple[int, ...]], da
 
 def _describe_cell(found: h5py.Dataset | None) -> Cell:
     shape = () if found is None else tuple(found.shape or ())
-    if found is None or len(shape) < 2:  # the one axis of an empty array is that of its sizes
+    if found is None or len(shape) < 2:  # an empty array is stored as one axis of its sizes
         return Cell("" if found is None else "empty", (0,))
     return Cell(_find_class(found), shape[::-1], found.dtype)
 
 
 def _find_shapes_in_groups(file: h5py.File, keys: Sequence[str]) -> dict[str, tuple[int, ...]]:
-    """The shapes of what lies in those of `keys` that are groups of the file itself, by `GROUP/NAME`."""
-    plain = (key for key in keys if not key.startswith("#"))  # as MATLAB's #refs#, to which its cells refer
+    """Returns the shapes of what lies in those `keys` that are groups of the file itself, as `GROUP/NAME`."""
+    plain = (key for key in keys if not key.startswith("#"))  # not MATLAB's #refs#, to which its cells refer
     groups = [key for key in plain if isinstance(file.get(key, getlink=True), h5py.HardLink)]
     inner = (f"{key}/{name}" for key in groups if isinstance(file[key], h5py.Group) for name in file[key])
     return {key: find_shape(file, key) for key in islice(inner, _MOST_NAMES)}
 
 
 def list_headers(data: bytes) -> dict[str, Header | None]:
-    """The headers of the arrays of numbers in a file, None of groups; MATLAB's axes are put in order. Of a file with a
-    light field only the shapes.
+    """Returns the headers of the arrays of numbers in a file, and None for groups. MATLAB's axes are put in order. If
+    the file has a light field, only the shapes are filled in.
     """
     with h5py.File(io.BytesIO(data), "r") as file:
         names = list(islice(file, _MOST_NAMES))
@@ -138,7 +139,7 @@ def list_headers(data: bytes) -> dict[str, Header | None]:
 
 
 def list_inner_shapes(data: bytes) -> dict[str, tuple[int, ...]]:
-    """The shapes of what lies in the groups of a file, and in the groups of those, and the axes of views in cells."""
+    """Returns the shapes of what lies in the groups of a file and in their groups, and the axes of views in cells."""
     with h5py.File(io.BytesIO(data), "r") as file:
         shapes: dict[str, tuple[int, ...]] = {}
         top = found = _list_names(file)
@@ -150,7 +151,7 @@ def list_inner_shapes(data: bytes) -> dict[str, tuple[int, ...]]:
 
 
 def read_array(data: bytes, key: str, name: str) -> NDArray[Any]:
-    """The data set `key`, with MATLAB's axes put in order; `name` is for messages."""
+    """Reads the data set `key`, with MATLAB's axes put in order; `name` is for messages."""
     with h5py.File(io.BytesIO(data), "r") as file:
         stored = DataSet.open(file, key, data, name)
         kind = _find_class(stored.handle)
@@ -160,16 +161,18 @@ def read_array(data: bytes, key: str, name: str) -> NDArray[Any]:
 
 
 def _is_light_field(file: h5py.File, key: str) -> bool:
-    """Whether it is a mosaic of BasicLFSR, or `LF` in another file, which must not be replaced by what else is here."""
+    """Returns whether it is a mosaic of BasicLFSR, or an `LF` in another file, which must not be replaced by something
+    else from this file.
+    """
     link = file.get(key, getlink=True)
     return key in MOSAICS or (key == "LF" and isinstance(link, h5py.ExternalLink))
 
 
 def _describe_data_set(found: h5py.Dataset, is_matlab: bool) -> Header | None:
-    """None for text, tables, and references such as those of cells."""
+    """Returns the header of a data set, or None for text, tables, and references such as those of cells."""
     try:
         dtype = found.dtype
-    except (TypeError, ValueError):  # of data that NumPy has no type for, such as HDF5's times
+    except (TypeError, ValueError):  # NumPy has no type for the data, such as HDF5's times
         return None
     kind = _find_class(found)
     if dtype.kind not in "iufbc" or kind in ("char", "cell"):
@@ -183,7 +186,7 @@ def _is_matlab(data: bytes) -> bool:
 
 
 def _find_class(found: h5py.Dataset) -> str:
-    """MATLAB's name of its class; empty for data of other programs."""
+    """Returns MATLAB's name of its class; empty for data from other programs."""
     kind = found.attrs.get(_CLASS, b"")
     return kind.decode("latin-1") if isinstance(kind, bytes) else ""
 
@@ -196,7 +199,7 @@ def refuse_logical(kind: str, name: str) -> None:
 
 
 def leave_out_weight(views: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]]:
-    """`(V, U, H, W, C)` without the weight of the Light Field Toolbox, and a note where there is one."""
+    """Returns `(V, U, H, W, C)` without the weight of the Light Field Toolbox, and a note if there is one."""
     return (views[..., :3], (WEIGHT,)) if views.shape[4] == 4 else (views, ())
 
 
@@ -225,7 +228,7 @@ def _name(stored: DataSet) -> str:
 
 
 def _read_plain(stored: DataSet, layout: Layout, limits: Limits, is_hci: bool) -> LightField:
-    """`LF[v, u, y, x, c]`, as h5py writes an array; in files of the old HCI data set u counts from the right."""
+    """Reads `LF[v, u, y, x, c]`, as h5py writes an array. In files of the old HCI data set u counts from the right."""
     shape, arranged = settle_axes(stored.shape, layout, stored.name)
     check_array(stored.name, shape, stored.dtype, limits)
     views, notes = convert_samples(stored.read().reshape(shape), stored.name)

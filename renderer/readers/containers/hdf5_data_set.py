@@ -23,7 +23,7 @@ _CHECKSUM_BYTES = 4
 
 
 def find_shape(file: h5py.File, key: str) -> tuple[int, ...]:
-    """The shape of a data set of the file itself; empty for anything else."""
+    """Returns the shape of a data set in the file itself; empty for anything else."""
     if not isinstance(file.get(key, getlink=True), h5py.HardLink):
         return ()
     found = file[key]
@@ -31,13 +31,15 @@ def find_shape(file: h5py.File, key: str) -> tuple[int, ...]:
 
 
 def holds_references(found: h5py.Dataset) -> bool:
-    """Whether it holds references to objects of its file."""
+    """Returns whether a data set holds references to objects of its file."""
     return bool(found.id.get_type() == h5py.h5t.STD_REF_OBJ)
 
 
 def list_referenced(found: h5py.Dataset, data: bytes) -> Iterator[h5py.Dataset | None]:
-    """The data sets to which references to objects of the file `data` point; None for one whose samples are in another
-    file, one that was listed before, and any other object. Nothing where references are packed or cut off.
+    """Yields the data sets to which references to objects of the file `data` point.
+
+    Yields None for a data set whose samples are in another file, for one that was listed before, and for any other
+    object. Yields nothing if the references are packed or cut off.
     """
     start, size = found.id.get_offset(), 8 * math.prod(found.shape)
     if _lies_elsewhere(found.id) or start is None or found.id.get_storage_size() != size or start + size > len(data):
@@ -62,18 +64,20 @@ class DataSet:
 
     handle: h5py.Dataset
     data: bytes
-    """The file."""
+    """The content of the file."""
     name: str
-    """For messages."""
+    """The file's name in messages."""
 
     @classmethod
     def open(cls, file: h5py.File, key: str, data: bytes, name: str) -> DataSet:
-        """The data set `key` of the file `name`. Raises `UnsupportedType` for any other, `TooLarge` for its chunks."""
+        """Returns the data set `key` of the file `name`. Raises `UnsupportedType` if it is stored or packed in another
+        way, and `TooLarge` if its chunks are too large.
+        """
         return cls.check(file[key], key, data, name)
 
     @classmethod
     def check(cls, handle: h5py.Dataset, key: str, data: bytes, name: str) -> DataSet:
-        """As `open`, of a data set that is open; `key` is for messages."""
+        """Returns the data set that is open as `handle`, and raises like `open`; `key` is for messages."""
         found = cls(handle, data, name)
         filters = found.list_filters()
         if _lies_elsewhere(handle.id):
@@ -88,26 +92,27 @@ class DataSet:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of the samples."""
+        """The shape of the samples."""
         return tuple(self.handle.shape)
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """Of the samples."""
+        """The type of the samples."""
         return cast("np.dtype[Any]", self.handle.dtype)
 
     def list_filters(self) -> list[int]:
-        """HDF5's numbers of the filters that were applied, the first one first."""
+        """Returns HDF5's numbers of the filters that were applied, in order."""
         plan = self.handle.id.get_create_plist()
         return [plan.get_filter(index)[0] for index in range(plan.get_nfilters())]
 
     def read(self) -> NDArray[Any]:
-        """All samples, whose size must have been checked; those in one piece without a copy, read-only.
+        """Reads all samples, whose size must have been checked. Samples in one piece are returned without a copy,
+        read-only.
 
-        Chunks are unpacked here: HDF5 allocates whatever comes out of them, and some invalid ones end its process.
-        Checksums are not compared.
+        Chunks are unpacked here because HDF5 allocates whatever comes out of them, and some invalid ones crash the
+        process. Checksums are not compared.
 
-        Raises `Unreadable` for samples that are cut off, and for a chunk that doesn't unpack to its samples.
+        Raises `Unreadable` if the samples are cut off, or if a chunk doesn't unpack to its samples.
         """
         handle, filters, start = self.handle, self.list_filters(), self.handle.id.get_offset()
         count = math.prod(self.shape)
@@ -115,8 +120,8 @@ class DataSet:
             if start + count * self.dtype.itemsize > len(self.data):
                 raise Unreadable(f"{self.name}: the samples are cut off; give the whole file")
             return np.frombuffer(self.data, self.dtype, count, start).reshape(self.shape)
-        handle.id.get_create_plist().fill_value_defined()  # raises at one that would end the process
-        if handle.chunks is None:  # within its header, or with no samples stored
+        handle.id.get_create_plist().fill_value_defined()  # raises for a fill value that would crash the process
+        if handle.chunks is None:  # stored within the header, or no samples stored
             return cast("NDArray[Any]", handle[()])
         samples = np.full(self.shape, handle.fillvalue, self.dtype)
         chunks: list[Any] = []
@@ -133,13 +138,13 @@ class DataSet:
 
 
 def _unpack_chunk(packed: bytes, filters: Sequence[int], count: int, dtype: np.dtype[Any], name: str) -> NDArray[Any]:
-    """The `count` samples of a chunk to which `filters` were applied, the first one first."""
+    """Unpacks the `count` samples of a chunk to which `filters` were applied in order."""
     size = count * dtype.itemsize
     for number in reversed(filters):
         if number == h5py.h5z.FILTER_FLETCHER32:
             packed = packed[:-_CHECKSUM_BYTES]
         elif number == h5py.h5z.FILTER_LZF:
-            import imagecodecs  # only where a file is packed by it
+            import imagecodecs  # only if a file is packed with it
 
             packed = bytes(imagecodecs.lzf_decode(packed, out=size + _CHECKSUM_BYTES + 1))
         elif number == h5py.h5z.FILTER_DEFLATE:

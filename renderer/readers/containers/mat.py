@@ -1,8 +1,8 @@
-"""Reads light fields of MATLAB: `LF[j, i, l, k, c]`, as the Light Field Toolbox and BasicLFSR write it.
+"""Reads light fields from MATLAB files: `LF[j, i, l, k, c]`, as the Light Field Toolbox and BasicLFSR write it.
 
 j and i count rows and columns of views, l and k those of pixels (Dansereau, Light Field Toolbox for Matlab; u grows to
 the right, as with cameras). A fourth channel is the Toolbox's weight. MAT version 7.3 is HDF5. Version 5 is read here,
-as MathWorks' "MAT-File Format" describes it: SciPy's reader ends its process at some invalid files.
+as MathWorks' "MAT-File Format" describes it, because SciPy's reader crashes the process on some invalid files.
 """
 
 from __future__ import annotations
@@ -41,20 +41,20 @@ if TYPE_CHECKING:
 VERSION_5 = b"MATLAB 5.0 MAT-file"
 _HEADER_BYTES, _MATRIX, _COMPRESSED = 128, 14, 15
 _PIECE_BYTES = 2**16
-"""Of packed bytes, unpacked at a time: memory of that size stays in the processor's cache."""
+"""How many packed bytes are unpacked at a time: a buffer of this size stays in the processor's cache."""
 _START_BYTES = 2**12
-"""In which a variable's class, size and name lie, packed or not."""
+"""The bytes at the start of a variable that contain its class, size and name, packed or not."""
 _MOST_FIELDS = 1000
-"""Elements of a struct that are looked at."""
+"""The most elements of a struct that are looked at."""
 _CLASSES = (
     *("cell", "struct", "object", "char", "sparse", "double", "single"),
     *("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"),
 )
-"""Of the numbers from 1 (table 1-3)."""
+"""Array classes, numbered from 1 (table 1-3)."""
 _TYPES = {"uint8": "u1", "uint16": "u2", "single": "f4", "double": "f8"}
-_SAME_NAME = "holds two variables of one name; save each once"
+_SAME_NAME = "holds two variables of the same name; save each once"
 _STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
-"""Types of numbers in a file (table 1-1), which may be smaller than those of their class."""
+"""Types of numbers in a file (table 1-1). They may be smaller than those of the array's class."""
 _COMPLEX, _LOGICAL = 0x800, 0x200
 """Flags (table 1-2)."""
 
@@ -67,34 +67,34 @@ class Variable:
     """Its class."""
     shape: tuple[int, ...]
     number: int = 0
-    """Of its samples' type, one of `_STORED` where it can be read."""
+    """The number of its samples' type, one of `_STORED` if it can be read."""
     samples: bytes | memoryview = b""
-    """The first axis fastest."""
+    """The samples, the first axis fastest."""
     matrix: bytes | memoryview = b""
-    """The body of its element, in which cells are."""
+    """The body of its element, which contains the cells."""
 
     def find_type(self, name: str) -> str:
-        """NumPy's name of its class. Raises `UnsupportedType` for one that is not read; `name` is for messages."""
+        """Returns NumPy's name of its class. Raises `UnsupportedType` if that isn't read; `name` is for messages."""
         hdf5.refuse_logical(self.kind, name)
         if self.kind not in _TYPES:
             raise UnsupportedType(f"{name} is of class {self.kind}; give uint8, uint16, single or double")
         return _TYPES[self.kind]
 
     def read(self, order: str, name: str) -> NDArray[Any]:
-        """The samples, whose size must have been checked. `order`: of their bytes."""
+        """Returns the samples, whose size must have been checked. `order` is their byte order."""
         if self.number not in _STORED:
-            raise Unreadable(f"{name} has samples of type {self.number}, which is none; save it again")
+            raise Unreadable(f"{name} has samples of type {self.number}, which doesn't exist; save it again")
         samples = np.frombuffer(self.samples, order + _STORED[self.number]).reshape(self.shape, order="F")
         return samples.astype(self.find_type(name), copy=False)
 
     def list_cells(self, order: str) -> Iterator[Variable]:
-        """What the cells of a cell array hold."""
+        """Yields the contents of the cells of a cell array."""
         for kind, cell in islice(_split(memoryview(self.matrix), order), 3, 3 + math.prod(self.shape)):
             inner = _read_variable(cell, order) if kind == _MATRIX and cell else ()
             yield next((variable for _, variable in inner), _NO_ARRAY)
 
     def describe_cells(self, order: str) -> CellArray:
-        """As an array whose cells may be views."""
+        """Returns the variable as an array whose cells may be views."""
         types = {kind: np.dtype(type_) for kind, type_ in _TYPES.items()}
         listed = (Cell(cell.kind, cell.shape, types.get(cell.kind, NO_SAMPLES)) for cell in self.list_cells(order))
         return CellArray(self.shape, listed)
@@ -104,8 +104,8 @@ _NO_ARRAY = Variable("", ())
 
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
-    """The variable `LF`, or else the only one with five axes; where there is none, the only one in structs, or else the
-    only cell array that holds views.
+    """Reads the variable `LF`, or else the only one with five axes. If there is none, it reads the only one in structs,
+    or else the only cell array that holds views.
     """
     if not data.startswith(VERSION_5):
         return hdf5.read(data, name=name, layout=layout, limits=limits)
@@ -140,10 +140,10 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
 
 
 def list_headers(data: bytes, name: str) -> dict[str, Header | None]:
-    """The headers of the arrays of numbers in a file of version 5, None of structs and of cells that may be views; it
-    is not unpacked further.
+    """Returns the headers of the arrays of numbers in a file of version 5, and None for structs and for cells that may
+    be views.
 
-    Raises `Unreadable` where two variables have one name.
+    Nothing else is unpacked. Raises `Unreadable` if two variables have the same name.
     """
     order = _find_order(data)
     found: dict[str, Header | None] = {}
@@ -160,7 +160,7 @@ def list_headers(data: bytes, name: str) -> dict[str, Header | None]:
 
 
 def list_inner_shapes(data: bytes, name: str, limits: Limits) -> dict[str, tuple[int, ...]]:
-    """The shapes of the fields of structs, and of those of structs in them, and of the views in cells; nothing else is
+    """Returns the shapes of the fields of structs, of structs within them, and of the views in cells. Nothing else is
     unpacked.
     """
     order = _find_order(data)
@@ -175,7 +175,7 @@ def list_inner_shapes(data: bytes, name: str, limits: Limits) -> dict[str, tuple
 
 
 def read_array(data: bytes, key: str, name: str, limits: Limits) -> NDArray[Any]:
-    """The variable `key` of a file of version 5; `name` is for messages."""
+    """Reads the variable `key` of a file of version 5; `name` is for messages."""
     order = _find_order(data)
     for matrix in _unpack(data, order, name, limits):
         for other, variable in _read_variable(matrix, order):
@@ -190,7 +190,7 @@ def _describe_cells(variables: Mapping[str, Variable], order: str) -> dict[str, 
 
 
 def _may_hold_light_field(variable: Variable, order: str) -> bool:
-    """Whether it is a struct, or has cells that may be views, by the start of its element."""
+    """Returns whether it is a struct, or has cells that may be views, judging by the start of its element."""
     return variable.kind == "struct" or (variable.kind == "cell" and variable.describe_cells(order).may_hold_views)
 
 
@@ -199,7 +199,9 @@ def _find_order(data: bytes) -> str:
 
 
 def _read_start(element: tuple[int, memoryview], order: str) -> Iterator[tuple[str, Variable]]:
-    """As `_read_variable`, of an element of the file, of which only the start is unpacked: samples are not there."""
+    """Yields what `_read_variable` does for an element of the file, of which only the start is unpacked: samples are
+    missing.
+    """
     kind, body = element
     if kind == _COMPRESSED:
         start = zlib.decompressobj().decompress(body[:_START_BYTES], _START_BYTES)
@@ -209,8 +211,9 @@ def _read_start(element: tuple[int, memoryview], order: str) -> Iterator[tuple[s
 
 
 def _unpack(data: bytes, order: str, name: str, limits: Limits, *, is_inner: bool = False) -> Iterator[memoryview]:
-    """The body of each variable's element; `is_inner` leaves out those in which no light field may be. Raises
-    `TooLarge` before what is packed takes its memory.
+    """Yields the body of each variable's element. With `is_inner`, it skips those that can't contain a light field.
+
+    Raises `TooLarge` before more than the limit is unpacked into memory.
     """
     allowed = left = min(limits.bytes, max(2**20, len(data) * limits.ratio))
     for kind, element in _split(memoryview(data)[_HEADER_BYTES:], order):
@@ -231,7 +234,7 @@ def _unpack(data: bytes, order: str, name: str, limits: Limits, *, is_inner: boo
 
 
 def _split(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
-    """The elements in `data`, each with the number of its type."""
+    """Yields the elements in `data`, each with the number of its type."""
     start = 0
     while start + 8 <= len(data):
         kind, size = struct.unpack_from(f"{order}II", data, start)
@@ -245,7 +248,7 @@ def _split(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
 
 
 def _read_variable(matrix: memoryview, order: str) -> Iterator[tuple[str, Variable]]:
-    """The variable's name and what it is; nothing for one that has no axes, such as a function."""
+    """Yields the variable's name and the variable; nothing if it has no axes, such as a function."""
     flags, sizes, key, *samples = islice(_split(matrix, order), 4)
     (number,) = struct.unpack_from(f"{order}I", flags[1])
     if 1 <= number & 0xFF <= len(_CLASSES):
@@ -257,8 +260,8 @@ def _read_variable(matrix: memoryview, order: str) -> Iterator[tuple[str, Variab
 
 
 def _read_fields(matrix: memoryview, order: str, levels: int) -> Iterator[tuple[str, Variable]]:
-    """The fields of a struct, and those of structs in it up to `levels` deep, by `STRUCT.FIELD`; nothing for any other
-    variable, an array of structs too.
+    """Yields the fields of a struct, and those of structs in it up to `levels` deep, as `STRUCT.FIELD`. Yields nothing
+    for any other variable, nor for an array of structs.
     """
     for key, variable in _read_variable(matrix, order):
         if variable.kind != "struct" or math.prod(variable.shape) != 1:

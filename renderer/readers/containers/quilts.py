@@ -19,18 +19,19 @@ if TYPE_CHECKING:
 
 
 def find_layout(bundle: Bundle, key: str) -> QuiltLayout | QuiltName | None:
-    """The layout of the picture `key`, from its name or the file `key.json` beside it; None where it is no quilt.
+    """Finds the layout of the picture `key` from its name or the file `key.json` next to it; None if it is not a quilt.
 
-    A name doesn't say that views are inverted, and may have no aspect: JSON of as many columns and rows has both.
+    A name doesn't state whether views are inverted, and may lack an aspect. JSON with the same numbers of columns and
+    rows supplies both.
 
-    Raises `InvalidOption` where a number is out of range.
+    Raises `InvalidOption` if a number is out of range.
     """
     named = parse_name(key)
     if f"{key}.json" not in bundle.files:
         return named
     try:
         beside = parse_json(bundle.files[f"{key}.json"], name=clean_text(f"{key}.json"))
-    except Unreadable:  # JSON of something else
+    except Unreadable:  # JSON for something else
         return named
     if named is None:
         return beside
@@ -40,9 +41,9 @@ def find_layout(bundle: Bundle, key: str) -> QuiltLayout | QuiltName | None:
 
 
 def read(bundle: Bundle, key: str, layout: QuiltLayout | QuiltName) -> LightField:
-    """The views of the picture `key`, as `read_pixels`. A note names a colour profile that is not sRGB.
+    """Reads the views of the picture `key` like `read_pixels`. A note names a colour profile that is not sRGB.
 
-    Raises as `read_pixels`, and what decoding it raises.
+    Raises what `read_pixels` and decoding raise.
     """
     name = clean_text(bundle.name)
     quilt = pictures.decode(bundle.files[key], name=name, max_pixels=bundle.limits.pixels)
@@ -51,10 +52,10 @@ def read(bundle: Bundle, key: str, layout: QuiltLayout | QuiltName) -> LightFiel
 
 
 def read_pixels(quilt: Pixels, layout: QuiltLayout | QuiltName, *, name: str) -> LightField:
-    """The quilt's views, `(1, columns * rows, h, w, c)`, from the leftmost camera on. Without an aspect pixels are
-    taken as square, with a note.
+    """Returns the quilt's views, `(1, columns * rows, h, w, c)`, starting with the leftmost camera. Without an aspect,
+    pixels are taken as square, with a note.
 
-    Raises `InvalidOption` where the picture is smaller than its layout.
+    Raises `InvalidOption` if the picture is smaller than its layout.
     """
     is_square = layout.aspect is None
     layout = layout.complete(1.0) if isinstance(layout, QuiltName) else layout

@@ -1,4 +1,4 @@
-"""Arrays of files as light fields: their sizes are checked, and floating-point samples become 16 bit."""
+"""Turns arrays in files into light fields: checks their sizes, and rounds floating-point samples to 16 bit."""
 
 from __future__ import annotations
 
@@ -24,28 +24,30 @@ if TYPE_CHECKING:
 
 
 class Header(NamedTuple):
-    """The description of an array that stands before its samples."""
+    """The description of an array, which precedes its samples."""
 
     shape: tuple[int, ...]
     bytes: int
-    """Of the samples, unpacked."""
+    """The size of the samples, unpacked."""
     is_read: bool = True
-    """Whether samples are of a type that is read."""
+    """Whether the samples have a type that is read."""
 
 
 PICTURE_SIDE = 16
-"""Pixels along the sides of a picture, at least: smaller arrays are others, such as the matrix of a camera."""
+"""The least pixels along each side of a picture. Smaller arrays are something else, such as the matrix of a camera."""
 NEEDED_TYPES = "uint8, uint16, or floating-point numbers from 0 to 1"
-"""Types of samples that are read, for messages."""
+"""The sample types that are read, for messages."""
 TAKEN_AS_CAMERAS = (
-    "depth: the file doesn't say what u and v count; they are taken as cameras from the left and from the top; where "
-    "near and far are exchanged, as of pixels under a lens array, give depth_sense lenses"
+    "depth: the file doesn't say what u and v count; they are taken as cameras from the left and from the top; if "
+    "near and far are exchanged, as for pixels under a lens array, give depth_sense lenses"
 )
-"""A note."""
+"""The note for a file that doesn't state its depth sense."""
 
 
 def settle_depth_sense(stated: object, layout: Layout) -> tuple[DepthSense, tuple[str, ...]]:
-    """The depth sense that `layout` gives, else that which a file states, else that of cameras, with a note."""
+    """Returns the depth sense that `layout` gives, else the one that the file states, else that of cameras, with a
+    note.
+    """
     found = layout.depth_sense or stated
     if found == "lenses":
         return "lenses", ()
@@ -61,9 +63,11 @@ def settle_grid(
     *,
     advice: str = "",
 ) -> tuple[tuple[int, int], tuple[str, ...]]:
-    """Rows and columns of `count` views, one after another in a file that calls them `things`: those of
-    `layout.pixels`, else the `stated` ones, else a square, with a note. Raises `InvalidOption` where they fill none.
-    `advice` is the end of messages. With `order` columns the views fill columns, and the grid is the transposed one.
+    """Returns the rows and columns of `count` views that lie one after another in a file, and notes.
+
+    They are those of `layout.pixels`, else the `stated` ones, else a square, with a note. Raises `InvalidOption` if the
+    views fill none of these. With `order` columns the views fill columns, and the grid is the transposed one. `things`
+    is what the file calls the views, and `advice` is the end of messages.
     """
     asked = layout.pixels
     if asked is not None:
@@ -77,18 +81,22 @@ def settle_grid(
         return stated, ()
     side = math.isqrt(count)
     if side * side != count:
-        raise InvalidOption(f"{name}: {count} {things}, no square number; give pixels ROWSxCOLUMNS (of views){advice}")
+        raise InvalidOption(
+            f"{name}: {count} {things}, which is not a square number; give pixels ROWSxCOLUMNS (of views){advice}"
+        )
     return (side, side), (
         f"the {count} {things} are taken as {side}x{side} views, row by row; pixels gives another grid{advice}",
     )
 
 
 def settle_axes(shape: Sequence[int], layout: Layout, name: str) -> tuple[tuple[int, ...], tuple[str, ...]]:
-    """`(V, U, H, W, C)` of a file's array: of `(V, U, H, W)`, and of views one after another, `(N, H, W, C)` with up to
-    four channels and `(N, H, W)`, as the grid that `settle_grid` finds, with its notes. Others are left as they are,
-    those that may have other axes with a note.
+    """Returns the shape of a file's array as `(V, U, H, W, C)`, and notes.
 
-    Raises `InvalidOption` where `layout.pixels` say that they have.
+    `(V, U, H, W)` gets an axis of channels. Views one after another, `(N, H, W, C)` with up to four channels or
+    `(N, H, W)`, become the grid that `settle_grid` finds, with its notes. Other shapes are returned as they are. A note
+    is added if the array may have other axes.
+
+    Raises `InvalidOption` if `layout.pixels` shows that it has.
     """
     shape = tuple(shape)
     if shape[:1] > (0,) and ((len(shape) == 4 and shape[3] <= 4) or (len(shape) == 3 and shape[2] > 4)):
@@ -102,7 +110,7 @@ def settle_axes(shape: Sequence[int], layout: Layout, name: str) -> tuple[tuple[
 
 
 def _note_colours(shape: Sequence[int], layout: Layout, name: str) -> tuple[str, ...]:
-    """A note on grey views `(V, U, H, W)` that may be `(N, 3, H, W)` or `(N, 1, H, W)`."""
+    """Returns a note on grey views `(V, U, H, W)` that may be `(N, 3, H, W)` or `(N, 1, H, W)`."""
     count, channels = shape[:2]
     if channels not in (1, 3):
         return ()
@@ -115,8 +123,8 @@ def _note_colours(shape: Sequence[int], layout: Layout, name: str) -> tuple[str,
 
 
 def _advise_views_last(shape: Sequence[int], layout: Layout) -> str:
-    """The end of a message on `(N, H, W)` or `(N, H, W, C)` that may be `(H, W, N)`, `(H, W, N, C)` or, with views of
-    few columns, `(H, W, V, U)`; else empty.
+    """Returns the end of a message on `(N, H, W)` or `(N, H, W, C)` that may be `(H, W, N)`, `(H, W, N, C)` or, with
+    views of few columns, `(H, W, V, U)`; else an empty text.
     """
     rows, columns, count = shape[:3]
     if len(shape) == 4 and count <= max(4, min(rows, columns) // 4):
@@ -131,15 +139,15 @@ def _advise_views_last(shape: Sequence[int], layout: Layout) -> str:
 
 
 def holds_light_field(shapes: Mapping[str, Sequence[int]]) -> bool:
-    """Whether one of a file's arrays has the name or the number of axes of a light field."""
+    """Returns whether one of a file's arrays has the name or the number of axes of a light field."""
     return len(shapes.get("LF", ())) in (4, 5) or any(len(shape) == 5 for shape in shapes.values())
 
 
 def find_light_field(shapes: Mapping[str, Sequence[int]], name: str, remedy: str, cells: str = "") -> str:
-    """Of a file's arrays `LF`, or else the only one with five axes.
+    """Returns the name of the light field among a file's arrays: `LF`, or else the only one with five axes.
 
-    Raises `Unreadable` where there is none, with the `remedy` and why `cells` hold no views, and where there are
-    several.
+    Raises `Unreadable` if there is none or there are several. The message has the `remedy` and, in `cells`, the reason
+    why cell arrays hold no views.
     """
     if len(shapes.get("LF", ())) in (4, 5):
         return "LF"
@@ -152,7 +160,9 @@ def find_light_field(shapes: Mapping[str, Sequence[int]], name: str, remedy: str
     shapes = {key: shape for key, shape in shapes.items() if not key.startswith("#")}  # MATLAB's own, such as #refs#
     listed = ", ".join(f"{clean_text(key)} {show_shape(shapes[key])}".strip() for key in list(shapes)[:5])
     if any(has_axes_of_picture(shape) or has_axes_of_picture(shape[::-1]) for shape in shapes.values()):
-        remedy += ", or an elemental image array, (H, W) or (H, W, C), beside no other pictures, in no struct or group"
+        remedy += (
+            ", or an elemental image array, (H, W) or (H, W, C), without other pictures, outside structs and groups"
+        )
     if cells:
         listed, remedy = (
             f"{listed}; {cells}",
@@ -162,25 +172,26 @@ def find_light_field(shapes: Mapping[str, Sequence[int]], name: str, remedy: str
 
 
 def show_shape(shape: Sequence[int]) -> str:
-    """`480x640x3`, for messages."""
+    """Formats a shape for messages, such as `480x640x3`."""
     return "x".join(map(str, shape))[:60]
 
 
 def has_axes_of_picture(shape: Sequence[int]) -> bool:
-    """Whether an array has the axes `(H, W)` or `(H, W, C)` and the size of a picture."""
+    """Returns whether an array has the axes `(H, W)` or `(H, W, C)` and the size of a picture."""
     return (len(shape) == 2 or (len(shape) == 3 and 1 <= shape[2] <= 4)) and min(shape[:2]) >= PICTURE_SIDE
 
 
 def is_type_read(dtype: DTypeLike) -> bool:
-    """Whether samples of that type are read."""
+    """Returns whether samples of that type are read."""
     return np.dtype(dtype).newbyteorder("=") in (np.uint8, np.uint16, np.float16, np.float32, np.float64)
 
 
 def check_array(name: str, shape: Sequence[int], dtype: DTypeLike, limits: Limits) -> None:
-    """Checks that an array can be a light field `(V, U, H, W, C)`; a file's header gives both, before anything is read.
+    """Checks that an array can be a light field `(V, U, H, W, C)`. The file's header gives its shape and type, before
+    anything is read.
 
-    Raises `UnsupportedType` for samples that are neither uint8, uint16 nor floating-point, `Unreadable` for another
-    shape, `TooLarge` over `limits`.
+    Raises `UnsupportedType` for samples that are neither uint8, uint16 nor floating-point, `Unreadable` for any other
+    shape, and `TooLarge` over `limits`.
     """
     dtype = np.dtype(dtype)
     what = f"{name}: an array {show_shape(shape)} of {str(dtype)[:40]}"
@@ -205,9 +216,9 @@ def check_array(name: str, shape: Sequence[int], dtype: DTypeLike, limits: Limit
 
 
 def convert_samples(array: NDArray[Any], name: str) -> tuple[NDArray[Any], tuple[str, ...]]:
-    """`(V, U, H, W, C)` as uint8 or uint16 in the machine's byte order, with a note where it was rounded.
+    """Converts `(V, U, H, W, C)` to uint8 or uint16 in the machine's byte order, with a note if it was rounded.
 
-    Raises `Unreadable` for floating-point samples that are not from 0 to 1.
+    Raises `Unreadable` for floating-point samples outside 0 to 1.
     """
     if array.dtype.kind == "u":
         return array.astype(array.dtype.newbyteorder("="), copy=False), ()

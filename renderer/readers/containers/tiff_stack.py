@@ -1,7 +1,8 @@
-"""Reads TIFF stacks: each page is a view, row by row of the grid.
+"""Reads TIFF stacks: each page is a view, and the views follow row by row.
 
-The grid is `layout.pixels`; else it is in the description of the first page, as `{"shape": [V, U, ...]}` (tifffile's
-and ours) `frames=V` and `slices=U` (ImageJ), or `SizeT="V"` and `SizeZ="U"` (OME); else the pages fill a square.
+The grid is `layout.pixels`. If that isn't given, it comes from the description of the first page, as
+`{"shape": [V, U, ...]}` (tifffile and our own files), `frames=V` and `slices=U` (ImageJ), or `SizeT="V"` and
+`SizeZ="U"` (OME). Without either, the pages fill a square.
 """
 
 from __future__ import annotations
@@ -27,12 +28,14 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.layout import Layout
 
 _LONGEST_DESCRIPTION = 65_536
-"""Characters; JSON in longer ones is not read."""
+"""In characters; JSON in longer descriptions is not read."""
 
 
 def is_stack(data: bytes) -> bool:
-    """Whether a TIFF has more than one page, or says as ours do that its page is the only view; False where it can't be
-    opened, which the reader of pictures reports.
+    """Returns whether a TIFF has more than one page, or its description states, as in our own files, that its page is
+    the only view.
+
+    Returns False if the file can't be opened; the reader of pictures reports that.
     """
     try:
         with tifffile.TiffFile(io.BytesIO(data)) as file:
@@ -43,12 +46,12 @@ def is_stack(data: bytes) -> bool:
             return len(file.pages) > 1 or is_one_view
     except MemoryError:
         raise
-    except Exception:  # noqa: BLE001 - any error of the library
+    except Exception:  # noqa: BLE001 - the library may raise any error
         return False
 
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
-    """The pages as views. Raises `InvalidOption` where they fill no grid."""
+    """Reads the pages as views. Raises `InvalidOption` if they don't fill a grid."""
     with tifffile.TiffFile(io.BytesIO(data)) as file:
         count = len(file.pages)
         if count > limits.views:
@@ -79,15 +82,15 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
 
 
 def _allow(height: int, width: int) -> None:
-    """The size was checked with that of all pages."""
+    """Accepts any size: it was checked together with that of all pages."""
 
 
 def _parse_description(text: str) -> dict[str, Any]:
-    """`grid`, `size` of a view and `depth_sense`, as far as the description of the first page has them."""
+    """Returns `grid`, `size` of a view and `depth_sense`, as far as the description of the first page has them."""
     if text.startswith("{") and len(text) <= _LONGEST_DESCRIPTION:
         try:
             found = json.loads(text)
-        except (ValueError, RecursionError):  # a text of another program
+        except (ValueError, RecursionError):  # written by another program
             return {}
         shape = found.get("shape")
         sizes = shape if isinstance(shape, list) and len(shape) in (4, 5) else []

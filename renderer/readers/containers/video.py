@@ -1,7 +1,7 @@
-"""Reads videos by FFmpeg (PyAV): of a camera that moves, frame by frame a view; or of elemental image arrays.
+"""Reads videos with FFmpeg (PyAV). Each frame is a view from a moving camera, or an elemental image array.
 
-The frames of a video are `L[v, u, y, x, c]` with v = frame // U and u = frame % U: a single row of views, of a camera
-that moves to the right, unless the grid is given.
+The frames of a video are `L[v, u, y, x, c]` with v = frame // U and u = frame % U. Unless the grid is given, they are a
+single row of views from a camera that moves to the right.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ CODECS = frozenset({
     "av1", "ffv1", "gif", "h264", "hevc", "libdav1d", "libvpx", "libvpx-vp9", "mjpeg", "mpeg4", "png", "rawvideo",
     "vp8", "vp9",
 })  # fmt: skip
-"""FFmpeg's names of the decoders that untrusted bytes reach."""
+"""FFmpeg's names of the decoders that may process untrusted bytes."""
 _CONTAINERS = {b"\x1aE\xdf\xa3": "matroska", b"GIF": "gif"}
 """First bytes of a file -> FFmpeg's name of its format; MP4 and QuickTime begin with a length."""
-MOVES_RIGHT = "frames are taken as views of a camera that moves from left to right; flip u where it moves to the left"
-ONE_ROW = "frames are taken as one row of views; give pixels ROWSxCOLUMNS (of views) where they are a grid, row by row"
+MOVES_RIGHT = "frames are taken as views of a camera that moves from left to right; flip u if it moves to the left"
+ONE_ROW = "frames are taken as one row of views; give pixels ROWSxCOLUMNS (of views) if they are a grid, row by row"
 
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
-    """Frame `layout.frame` as an elemental image array, or all frames as views (`Layout.selects_frame`)."""
+    """Reads frame `layout.frame` as an elemental image array, or all frames as views (`Layout.selects_frame`)."""
     with _open(data, name, limits) as (file, stream):
         if layout.selects_frame:
             pixels = _take_frame(file.decode(stream), layout.frame, name)
@@ -65,13 +65,17 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
 
 
 def read_frame(data: bytes, number: int, *, name: str, limits: Limits) -> Pixels:
-    """The frame `number`, from 0, RGB `(H, W, 3)`. Raises `InvalidOption` where there is none, and as `list_times`."""
+    """Reads the frame `number`, counted from 0, as RGB `(H, W, 3)`. Raises `InvalidOption` if there is none, and like
+    `list_times`.
+    """
     with _open(data, name, limits) as (file, stream):
         return _take_frame(file.decode(stream), number, name)
 
 
 def list_times(data: bytes, name: str, limits: Limits) -> tuple[tuple[int, int], list[float]]:
-    """The height and width of the frames of a video, and the time of each in seconds, from 0 on. Raises as `read`."""
+    """Returns the height and width of a video's frames, and the time of each in seconds, starting at 0. Raises like
+    `read`.
+    """
     with _open(data, name, limits) as (file, stream):
         packets = list(_list_packets(file, stream))
         size, step = (stream.height, stream.width), float(1 / (stream.average_rate or 30))
@@ -82,7 +86,7 @@ def list_times(data: bytes, name: str, limits: Limits) -> tuple[tuple[int, int],
 
 
 def read_frames(data: bytes, name: str, limits: Limits, *, first: int, count: int) -> Iterator[NDArray[Any]]:
-    """`count` frames of a video from the frame `first` on, RGB `(H, W, 3)`; raises as `list_times`."""
+    """Yields `count` frames of a video from the frame `first` on, as RGB `(H, W, 3)`. Raises like `list_times`."""
     with _open(data, name, limits) as (file, stream):
         done = 0
         for number, frame in enumerate(file.decode(stream)):
@@ -97,9 +101,9 @@ def read_frames(data: bytes, name: str, limits: Limits, *, first: int, count: in
 
 @contextmanager
 def _open(data: bytes, name: str, limits: Limits) -> Iterator[tuple[InputContainer, VideoStream]]:
-    """The file, read as the format of its first bytes and no other, and its first video stream.
+    """Opens the file in the format of its first bytes and no other, and yields it with its first video stream.
 
-    Raises `Unreadable` where FFmpeg fails, also in the block.
+    Raises `Unreadable` if FFmpeg fails, also within the `with` block.
     """
     container = next((known for start, known in _CONTAINERS.items() if data.startswith(start)), "mp4")
     try:
@@ -110,13 +114,13 @@ def _open(data: bytes, name: str, limits: Limits) -> Iterator[tuple[InputContain
 
 
 def _open_stream(file: InputContainer, name: str, limits: Limits) -> VideoStream:
-    """The first video stream, whose decoder refuses frames over the limit."""
+    """Returns the first video stream, with a decoder that refuses frames over the limit."""
     if not file.streams.video:
         raise Unreadable(f"{name}: holds no video; give one with a picture")
     stream = file.streams.video[0]
     codec = stream.codec_context
     if codec.name not in CODECS:
-        raise UnsupportedType(f"{name}: a video by {codec.name} is not read; give H.264, VP9, AV1 or an animated GIF")
+        raise UnsupportedType(f"{name}: the codec {codec.name} is not read; give H.264, VP9, AV1 or an animated GIF")
     height, width = stream.height, stream.width
     if height * width > limits.pixels:
         raise TooLarge(
@@ -127,12 +131,12 @@ def _open_stream(file: InputContainer, name: str, limits: Limits) -> VideoStream
 
 
 def _list_packets(file: InputContainer, stream: VideoStream) -> Iterator[Packet[VideoStream]]:
-    """A packet for each frame, one after the other: the number in the header may be missing or wrong."""
+    """Yields a packet for each frame, in order, because the number in the header may be missing or wrong."""
     return (packet for packet in file.demux(stream) if packet.size > 0)
 
 
 def _convert(frame: VideoFrame) -> NDArray[Any]:
-    """RGB `(H, W, 3)`, turned upright; 16 bit where the video has more than 8."""
+    """Returns RGB `(H, W, 3)`, turned upright; 16 bit if the video has more than 8."""
     is_deep = frame.format.components[0].bits > 8
     pixels = frame.to_ndarray(format="rgb48le" if is_deep else "rgb24")
     return np.rot90(pixels, round(frame.rotation / 90))
@@ -165,13 +169,13 @@ def _take_frame(frames: Iterator[VideoFrame], number: int, name: str) -> Pixels:
 
 
 def _note_arrays(frame: Pixels) -> tuple[str, ...]:
-    """A note on the frame of a video, read as a view, that repeats as elemental image arrays do."""
+    """Returns a note if the frame of a video, read as a view, repeats as elemental image arrays do."""
     periods = Periods(frame)
     found = periods.find()
     # Elemental images have fewer pixels than there are lenses.
     if found is None or math.prod(found) ** 2 > math.prod(periods.size):
         return ()
-    size = next(iter(periods.rank_sizes()), found)  # of those that divide the frame
+    size = next(iter(periods.rank_sizes()), found)  # of the sizes that divide the frame
     note = (
         f"frames: each repeats about every {found[0]}x{found[1]} pixels, as elemental image arrays do; if they are "
         f"such, give arrangement eia and pixels {size[0]}x{size[1]}"

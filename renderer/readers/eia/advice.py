@@ -1,4 +1,4 @@
-"""What a picture of all views seems to be: notes on numbers that it contradicts, and the numbers that would fit."""
+"""Advice on a picture of all views: notes on numbers that it contradicts, and the numbers that would fit."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ if TYPE_CHECKING:
     Pair = tuple[int, int]
 
 SAME_PITCH = 0.003
-"""Of the pitch: of 200 lenses the last would be off by 0.6 of its pixels."""
+"""A share of the pitch: the last of 200 lenses would be off by 0.6 of its pixels."""
 USUAL_PIXELS = 15
-"""Along each side of an elemental image; how many lenses are looked at follows from it."""
+"""Pixels along each side of an elemental image; it determines how many lenses are looked at."""
 PLAIN = "an ordinary photo is enlarged by upscale, not by reconstruct"
-RAW = "give lens_pitch auto for a raw lenslet picture, whose lenses have no whole number of pixels"
+RAW = "give lens_pitch auto for a raw lenslet picture, whose lenses aren't a whole number of pixels wide"
 
 
 def describe_missing(periods: Periods, picture: Pixels, arrangement: Arrangement) -> str:
-    """What to give where neither lenses nor pixels were given."""
+    """Says what to give if neither lenses nor pixels were given."""
     mosaic = _describe_mosaic(periods) if arrangement != "eia" else ""
     if mosaic and arrangement == "mosaic":
         return mosaic
@@ -45,7 +45,7 @@ def describe_missing(periods: Periods, picture: Pixels, arrangement: Arrangement
 
 
 def describe_fitting(periods: Periods, picture: Pixels, layout: Layout, given: Pair) -> str:
-    """The numbers that divide the picture where `given` don't, and the option for the margins that these may leave."""
+    """Returns the numbers that divide the picture if `given` don't, and the option for margins that these may leave."""
     size = picture.shape[:2]
     is_period = given == layout.pixels == periods.find() and layout.arrangement != "mosaic"
     if is_period and not _find_other_lenses(picture, max(given), given):
@@ -56,14 +56,16 @@ def describe_fitting(periods: Periods, picture: Pixels, layout: Layout, given: P
     if all(count and length % count == 0 for count, length in zip(given[::-1], size, strict=True)):
         advice = f"{given[1]}x{given[0]} (rows x columns) does"
     if all(0 < count <= length for count, length in zip(given, size, strict=True)):
-        advice += "; give margins on all four sides as crop TOP,LEFT,BOTTOM,RIGHT: the size alone doesn't tell them"
+        advice += "; give margins on all four sides as crop TOP,LEFT,BOTTOM,RIGHT: the size alone doesn't reveal them"
     if layout.arrangement == "mosaic" or _describe_mosaic(periods):
         return advice + _describe_period(periods, layout.arrangement)
     return _describe_lenses(periods, picture, max(layout.pixels or (USUAL_PIXELS,)), advice)
 
 
 def note_exchanged(periods: Periods, lenses: Pair, grid: Pair) -> str:
-    """A note on a picture whose elemental images have about as many pixels as the given `lenses`; else empty."""
+    """Returns a note if the picture's elemental images have about as many pixels as the given `lenses`; else an empty
+    text.
+    """
     found = periods.find() if lenses[0] < grid[0] and lenses[1] < grid[1] else None
     if found is None or not all(map(is_near, found, lenses)):
         return ""
@@ -75,20 +77,22 @@ def note_exchanged(periods: Periods, lenses: Pair, grid: Pair) -> str:
 
 
 def note_raw(eia: Pixels, grid: Pair) -> str:
-    """A note on a picture whose lenses clearly are no grid of elemental images of `grid` pixels; else empty."""
+    """Returns a note if the picture's lenses clearly aren't a grid of elemental images of `grid` pixels; else an empty
+    text.
+    """
     lenses = _find_other_lenses(eia, max(grid), grid)
     if not lenses:
         return ""
     return (
-        f"pixels: read as elemental images of {grid[0]}x{grid[1]} pixels, but {lenses}, so that views mix places under "
+        f"pixels: read as elemental images of {grid[0]}x{grid[1]} pixels, but {lenses}, so views mix places under "
         "the lenses; lens_pitch auto reads it as a raw lenslet picture"
     )
 
 
 def note_period(periods: Periods, grid: Pair, *, fits: bool) -> str:
-    """A note on a picture that shows elemental images of another size than `grid`, or none; else empty.
+    """Returns a note if the picture shows elemental images of another size than `grid`, or none; else an empty text.
 
-    `fits`: whether it repeats after `grid` pixels. It does so too where these are several elemental images.
+    `fits`: whether it repeats after `grid` pixels. It also does so if these are several elemental images.
     """
     if fits and periods.is_mosaic(grid):
         counts = _divide(periods.size, grid)
@@ -108,14 +112,15 @@ def note_period(periods: Periods, grid: Pair, *, fits: bool) -> str:
 
 
 def note_other_views(periods: Periods, view: Pair, grid: Pair) -> str:
-    """A note on a mosaic, read as `grid` views of `view` pixels, that certainly is one of other views, or that repeats
-    as elemental images of `grid` pixels do; else empty.
+    """Returns a note if a mosaic, read as `grid` views of `view` pixels, certainly is one of other views, or repeats
+    like elemental images of `grid` pixels; else an empty text.
     """
     found = periods.find()
     if found is not None and all(map(is_near, found, grid)):
         return (
             f"arrangement: read as a mosaic of {grid[0]}x{grid[1]} views, but the picture repeats about every "
-            f"{found[0]}x{found[1]} pixels, as elemental images of {grid[0]}x{grid[1]} do; arrangement eia reads it so"
+            f"{found[0]}x{found[1]} pixels, as elemental images of {grid[0]}x{grid[1]} do; arrangement eia "
+            "reads it that way"
         )
     seen = _describe_mosaic(periods)
     if not seen or view == periods.rank_sizes()[0]:
@@ -124,19 +129,22 @@ def note_other_views(periods: Periods, view: Pair, grid: Pair) -> str:
 
 
 def advise_quilt(view: Pair, grid: Pair) -> str:
-    """The name that a quilt of `grid` views of `view` pixels needs: without it a quilt is read as a mosaic. Empty where
-    no quilt is like that: views with no more pixels than there are views are elemental images of many lenses.
+    """Returns advice on the name that a quilt of `grid` views of `view` pixels needs: without it a quilt is read as a
+    mosaic.
+
+    The text is empty if no quilt is like that: views with no more pixels than there are views are elemental images of
+    many lenses.
     """
     aspect = view[1] / view[0]
     if min(view) <= max(grid) or max(grid) > MAX_TILES or not 1 / MAX_ASPECT <= aspect <= MAX_ASPECT:
         return ""
-    return f"; a quilt is known by its name, here NAME{QuiltLayout(grid[1], grid[0], aspect).suffix}.png"
+    return f"; a quilt is recognised by its name, here NAME{QuiltLayout(grid[1], grid[0], aspect).suffix}.png"
 
 
 def _describe_period(periods: Periods, arrangement: Arrangement) -> str:
-    """What the picture's own period would be, for a message; empty where it shows none.
+    """Describes the picture's own period, for a message; empty if it shows none.
 
-    Parallax changes the period a little, so that one that doesn't divide the picture may be that of another size.
+    Parallax changes the period a little, so a period that doesn't divide the picture may be that of another size.
     """
     mosaic = _describe_mosaic(periods)
     if mosaic:
@@ -164,7 +172,9 @@ def _describe_period(periods: Periods, arrangement: Arrangement) -> str:
 
 
 def _describe_mosaic(periods: Periods) -> str:
-    """What a picture that certainly is a mosaic repeats after, and the option that reads it; empty for another one."""
+    """Describes the period of a picture that certainly is a mosaic, and the option that reads it; empty for any other
+    picture.
+    """
     view = next(iter(periods.rank_sizes()), None)
     if view is None or not periods.is_mosaic(view):
         return ""
@@ -176,19 +186,21 @@ def _describe_mosaic(periods: Periods) -> str:
 
 
 def _divide(size: Pair, part: Pair) -> str:
-    """How many parts the picture has, as text."""
+    """Returns the number of parts in the picture, as text."""
     return f"{size[0] // part[0]}x{size[1] // part[1]}"
 
 
 def _describe_lenses(periods: Periods, picture: Pixels, about: int, wanted: str) -> str:
-    """What to give: `lens_pitch` for a raw lenslet picture, else what is `wanted`, with the period of the picture."""
+    """Says what to give: `lens_pitch` for a raw lenslet picture, else `wanted`, with the period of the picture."""
     found = _find_other_lenses(picture, about, None)
     return f"{found}: {RAW}" if found else wanted + _describe_period(periods, "auto")
 
 
 def _find_other_lenses(picture: Pixels, about: int, pixels: Pair | None) -> str:
-    """What the lenses are, where the picture clearly shows some of `about` so many pixels that have no elemental images
-    of `pixels`, or with None of no whole number of pixels.
+    """Describes the lenses if the picture clearly shows some of about `about` pixels that don't fit elemental images of
+    `pixels`; else an empty text.
+
+    If `pixels` is None, lenses don't fit if they aren't a whole number of pixels wide.
     """
     from ciir.renderer.readers.lenslet.calibration import detect_grid
 

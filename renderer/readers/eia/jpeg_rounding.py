@@ -1,12 +1,12 @@
-"""Undoes part of the rounding of an elemental image array that is a JPEG: brightness varies slowly from view to view.
+"""Undoes part of the JPEG rounding of an elemental image array, in which brightness varies slowly from view to view.
 
-A JPEG holds cosine coefficients of 8x8 pixels, rounded to multiples of steps; what was rounded is open within half a
+A JPEG holds cosine coefficients of 8x8 pixels, rounded to multiples of steps, so their values are open within half a
 step. Elemental images are often about as small as those blocks, so that the edges between them become errors of all
-views. So each round smooths brightness under each lens, by steps down the gradient of Huber's function of its first
-and second differences, and then clips each coefficient to near its multiple: projected gradient descent, a relative of
-Zakhor's filter and projection (IEEE Trans. Circuits Syst. Video Technol. 2(1), 1992). The multiples are those nearest
-to the decoded pixels: they are the file's where these were neither clipped, at black and white, nor rounded by about a
-step.
+views. Each round therefore smooths brightness under each lens, by steps down the gradient of Huber's function of its
+first and second differences, and then clips each coefficient to near its multiple. This is projected gradient descent,
+a relative of Zakhor's filter and projection (IEEE Trans. Circuits Syst. Video Technol. 2(1), 1992). The multiples are
+those nearest to the decoded pixels. They are the file's if the pixels were neither clipped, at black and white, nor
+rounded by about a step.
 """
 
 from __future__ import annotations
@@ -27,44 +27,47 @@ if TYPE_CHECKING:
 
 BLOCK = 8
 ROUNDS = 5
-"""Of smoothing and clipping."""
+"""The number of rounds of smoothing and clipping."""
 SLOPE, BEND, LIMIT = 0.22, 0.04, 1.5
-"""Weights of first differences (slopes) and of second ones (bends) in smoothing, each up to a limit in steps of a
-block's mean: larger ones are edges of things."""
+"""Weights of first differences (slopes) and of second ones (bends) in smoothing, and the limit, in steps of a block's
+mean, up to which each counts: larger differences are edges of objects."""
 KEPT = np.float32(0.18)
-"""How far, in steps, a coefficient may be from its multiple; where that of the decoded pixels is farther, as far as it.
-Half a step is what rounding leaves open; with less, views come closer to what was compressed."""
+"""How far, in steps, a coefficient may be from its multiple. If that of the decoded pixels is farther away, the
+coefficient may be as far as that. Rounding leaves half a step open; with less, views come closer to what was
+compressed."""
 FAR_BEND, MAX_FAR_SHARE = 2.5, 0.3
-"""A bend of more steps of a block's mean is far, and with a larger share of them the array stays as it is: its views
-differ too much to be smooth under a lens. At qualities 50 to 95 the share is up to 0.29 of most captured and rendered
-light fields, and 0.34 to 0.97 of drawn text, of unrelated views, and of cameras far apart at qualities from 75. It is
-also over 0.3 of most arrays of quality 97 and more, and from about 90 of those that were coarser JPEGs before."""
+"""A bend of more than the first number of steps of a block's mean is far. If a larger share of bends than the second
+number is far, the array stays as it is: its views differ too much to be smooth under a lens. At qualities 50 to 95 the
+share is up to 0.29 for most captured and rendered light fields, and 0.34 to 0.97 for drawn text, for unrelated views,
+and for cameras far apart at qualities from 75. It is also over 0.3 for most arrays of quality 97 and more, and from
+about 90 for those that were coarser JPEGs before."""
 SAMPLED_LENSES, SAMPLED_PIXELS = 48, 24
-"""Along each side of the array and of a lens: at most so many are looked at for bends."""
+"""The most lenses along each side of the array, and the most pixels along each side of a lens, that are searched for
+bends."""
 ROWS, COLS = 512, 512
-"""Pixels that are worked on at once, whole blocks. Of wider pieces BLAS would start threads of its own, and its sums
-would depend on their number."""
+"""Pixels that are processed at once, in whole blocks. For wider pieces BLAS would start threads of its own, and its
+sums would depend on their number."""
 AROUND = BLOCK * ROUNDS
-"""Pixels around a piece that are worked on with it: each round reaches a block further."""
+"""The margin in pixels that is processed with a piece, because each round reaches a block further."""
 
 
 class Restored(NamedTuple):
-    """What `restore` made."""
+    """The result of `restore`."""
 
     pixels: NDArray[np.uint8]
-    """`(H, W, C)`."""
+    """The restored picture, `(H, W, C)`."""
     changed: int
-    """How many pixels."""
+    """The number of changed pixels."""
     most: int
-    """By how many levels, at most."""
+    """The largest change, in levels."""
 
 
 def restore(pixels: NDArray[np.uint8], luma: Luma, lens: tuple[int, int]) -> Restored:
-    """`pixels`, `(H, W, C)` of a JPEG with the brightness `luma`, with its rounding undone in part.
+    """Returns `pixels`, `(H, W, C)` of a JPEG with the brightness `luma`, with its rounding undone in part.
 
     `lens`: rows and columns of pixels under each lens, which divide the picture. The change of brightness is added to
-    each channel, and the sum clipped. Blocks at the right and lower edge of which the picture holds a part stay, and so
-    does all where views differ too much.
+    each channel, and the sum is clipped. Incomplete blocks at the right and lower edge stay as they are, and so does
+    everything if views differ too much.
     """
     if _find_far_share(luma, lens) > MAX_FAR_SHARE:
         return Restored(pixels, 0, 0)
@@ -97,8 +100,10 @@ def restore(pixels: NDArray[np.uint8], luma: Luma, lens: tuple[int, int]) -> Res
 
 
 def _find_far_share(luma: Luma, lens: tuple[int, int]) -> float:
-    """The share of far bends in the middle of lenses, evenly spaced over the array; 1 where lenses have no bends, with
-    fewer than 3 pixels along both sides: such arrays stay as they are.
+    """Returns the share of far bends in the middle of lenses, evenly spaced over the array.
+
+    It is 1 if lenses have no bends because they have fewer than 3 pixels along both sides: such arrays stay as they
+    are.
     """
     height, width = luma.pixels.shape
     picked = []
@@ -120,13 +125,13 @@ class _Weights(NamedTuple):
 
     offset: int
     slope: Floats
-    """Of the difference from each pixel to the later one; 0 where that is under another lens."""
+    """Weights of the difference from each pixel to the later one; 0 if that is under another lens."""
     bend: Floats
-    """Of the difference between two differences that were multiplied by `slope`; 0 where a lens ends between them."""
+    """Weights of the difference between two differences multiplied by `slope`; 0 if a lens ends between them."""
 
 
 def _find_weights(part: tuple[slice, ...], lens: tuple[int, int]) -> list[_Weights]:
-    """For smoothing the pixels `part` down and across."""
+    """Returns the weights for smoothing the pixels `part` down and across."""
     rows, cols = (np.arange(side.start + 1, side.stop + 1) % length for side, length in zip(part, lens, strict=True))
     cols[-1] = 0  # the next pixel is in the next row
     found = []
@@ -137,10 +142,10 @@ def _find_weights(part: tuple[slice, ...], lens: tuple[int, int]) -> list[_Weigh
 
 
 def _find_change(luma: Floats, steps: Floats, weights: list[_Weights]) -> Floats:
-    """What is added to `luma` in its whole blocks, which begin at its upper left corner. `weights`: of smoothing."""
+    """Returns what is added to `luma` in its whole blocks, which begin at its upper left corner. `weights` smooth."""
     height, width = (side // BLOCK * BLOCK for side in luma.shape)
     luma = luma - 128  # as coefficients are stored
-    steps = np.tile(steps, (1, width // BLOCK))  # of a row of blocks
+    steps = np.tile(steps, (1, width // BLOCK))  # for a row of blocks
     coefficients = _transform(luma[:height, :width])
     multiples = coefficients / steps
     np.rint(multiples, out=multiples)
@@ -177,7 +182,7 @@ def _smooth(luma: Floats, weights: list[_Weights], limit: float, scratch: Floats
 
 
 def _transform(pixels: Floats, out: Floats | None = None) -> Floats:
-    """The coefficients of each block, in its place, `(rows of blocks, 8, width)`."""
+    """Returns the coefficients of each block, in its place, `(rows of blocks, 8, width)`."""
     height, width = pixels.shape
     down = COSINES @ pixels.reshape(-1, BLOCK, width)
     out = np.empty_like(down) if out is None else out
@@ -193,7 +198,7 @@ def _transform_back(coefficients: Floats, out: Floats) -> None:
 
 
 def _make_cosines() -> Floats:
-    """The orthonormal cosine transform of `BLOCK` values: a row for each coefficient (ITU-T T.81, A.3.3)."""
+    """Returns the orthonormal cosine transform of `BLOCK` values: a row for each coefficient (ITU-T T.81, A.3.3)."""
     frequency, place = np.mgrid[:BLOCK, :BLOCK]
     waves = np.cos((2 * place + 1) * frequency * np.pi / (2 * BLOCK)) / 2
     waves[0] /= np.sqrt(2)

@@ -1,4 +1,6 @@
-"""After how many pixels a picture repeats: an elemental image array after an elemental image, a mosaic after a view."""
+"""Measures after how many pixels a picture repeats: an elemental image array after each elemental image, a mosaic after
+each view.
+"""
 
 from __future__ import annotations
 
@@ -15,26 +17,28 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
 
 LINES = 128
-"""Rows and columns that are looked at, evenly spaced."""
+"""How many rows and columns are looked at, evenly spaced."""
 LEAST_CORRELATION, CLEAR = 0.2, 3.0
-"""A picture is a mosaic where at a view's size it has the first, and so many times what it has at the size of an
-elemental image. Of 22 mosaics and 22 elemental image arrays of the same views (4 captured, 18 rendered, 3x3 to 30x30
-views, with and without noise), none was taken for the other, and one mosaic, of views far apart, was not recognised."""
+"""A picture is a mosaic if its correlation at a view's size is at least the first number, and at least the second times
+its correlation at the size of an elemental image. Of 22 mosaics and 22 elemental image arrays of the same views (4
+captured, 18 rendered, 3x3 to 30x30 views, with and without noise), none was taken for the other, and one mosaic, of
+views far apart, was not recognised."""
 FIRST = 0.75
-"""Of the shifts with almost the highest correlation, this share of it, the smallest is the period."""
+"""The period is the smallest of the shifts with almost the highest correlation, at least this share of it."""
 LEAST_OWN_CORRELATION = 0.1
-"""What an elemental image array has at the size of its elemental images."""
+"""The least correlation that an elemental image array has at the size of its elemental images."""
 MOST_SIZES = 3
 CLEARER = 1.3
-"""Of 588 elemental image arrays and mosaics (rendered, captured and drawn, PNG and JPEG) 366 have square elemental
-images or views: those of 294 are ranked first, and none of these has other rows and columns that fit 1.2 times as well.
-Of the 222 others 98 are ranked first, 60 without this rule."""
+"""How many times better other rows and columns must fit to be ranked before equal ones. Of 588 elemental image arrays
+and mosaics (rendered, captured and drawn, PNG and JPEG), 366 have square elemental images or views. Those of 294 are
+ranked first, and none of these has other rows and columns that fit 1.2 times as well. Of the 222 others, 98 are ranked
+first, and 60 without this rule."""
 LEAST_SIDE = 64
-"""Pixels along a side of a picture that is looked at."""
+"""The least pixels along a side of a picture that is looked at."""
 
 
 class Periods:
-    """How well a picture `(H, W, C)` fits itself when shifted down and across."""
+    """Measures how well a picture `(H, W, C)` fits itself when shifted down and across."""
 
     def __init__(self, picture: Pixels) -> None:
         self.size = picture.shape[0], picture.shape[1]
@@ -42,8 +46,8 @@ class Periods:
         self._correlations = [] if is_small else [_correlate(picture, axis) for axis in (0, 1)]
 
     def find_arrangement(self, grid: tuple[int, int]) -> Literal["eia", "mosaic"] | None:
-        """What the picture is: elemental images of `grid` pixels, or `grid` rows and columns of views; None where that
-        is not certain.
+        """Returns what the picture is: elemental images of `grid` pixels, or `grid` rows and columns of views; None if
+        that is not certain.
         """
         found = []
         for values, count in zip(self._correlations, grid, strict=False):
@@ -54,28 +58,31 @@ class Periods:
                 found.append((far, near))
         if found and all(far >= max(LEAST_CORRELATION, CLEAR * near) for far, near in found):
             sizes = [length // count for length, count in zip(self.size, grid, strict=True)]
-            # What repeats after an elemental image repeats after several, too.
+            # What repeats after one elemental image also repeats after several.
             return None if self.repeats_within(sizes) else "mosaic"
         return "eia" if all(near >= LEAST_OWN_CORRELATION for _, near in found) else None
 
     def is_mosaic(self, view: tuple[int, int]) -> bool:
-        """Whether the picture certainly is a mosaic of views of `view` pixels, which divide it."""
+        """Returns whether the picture certainly is a mosaic of views of `view` pixels, which divide it."""
         rows, cols = (length // side for length, side in zip(self.size, view, strict=True))
         # Views have more pixels than there are views, elemental images fewer than there are lenses.
         return math.prod(view) > rows * cols and self.find_arrangement((rows, cols)) == "mosaic"
 
     def repeats_within(self, size: Sequence[int]) -> bool:
-        """Whether the picture clearly repeats after fewer pixels than `size`, at most two thirds along one side.
+        """Returns whether the picture clearly repeats after fewer pixels than `size`, at most two thirds along one
+        side.
 
-        Parallax alone changes a period by less, and what repeats after several elemental images does after one.
+        Parallax alone changes a period by less. What repeats after several elemental images also repeats after one.
         """
         found = self.find()
         return found is not None and any(3 * own <= 2 * each for own, each in zip(found, size, strict=True))
 
     def find(self) -> tuple[int, int] | None:
-        """Rows and columns of pixels after which the picture repeats; None where it doesn't clearly do so in both.
+        """Returns the rows and columns of pixels after which the picture repeats, or None if it doesn't clearly do so
+        in both directions.
 
-        Where content moves from one elemental image to the next, a pixel or so less or more than their size.
+        If content moves from one elemental image to the next, they are a pixel or so less or more than the elemental
+        images' size.
         """
         found = []
         for values in self._correlations:
@@ -89,9 +96,11 @@ class Periods:
         return (found[0], found[1]) if found else None
 
     def rank_sizes(self) -> list[tuple[int, int]]:
-        """Rows and columns of pixels that divide the picture and after which it repeats, the likeliest first, at most
-        `MOST_SIZES`; none where it shows none. Equal rows and columns, if there are such, but first those near the
-        period that `find` gives where they fit `CLEARER` times as well.
+        """Returns sizes, as rows and columns of pixels, that divide the picture and after which it repeats, the
+        likeliest first.
+
+        There are at most `MOST_SIZES`, and none if the picture shows none. Sizes have equal rows and columns if any
+        such size fits. Those near the period that `find` gives come first if they fit `CLEARER` times as well.
         """
         down, across = [_score_divisors(values) for values in self._correlations] or [{}, {}]
         if not (down and across):
@@ -112,23 +121,24 @@ class Periods:
 
 
 def is_near(period: int, size: int) -> bool:
-    """Whether parallax may make a period out of what repeats after `size` pixels."""
+    """Returns whether parallax may turn a repetition after `size` pixels into one after `period` pixels."""
     return abs(period - size) <= 1 + period // 16
 
 
 def is_about(period: int, size: int) -> bool:
-    """The same of parallax as large as it may be."""
+    """Returns the same as `is_near`, for the largest possible parallax."""
     return abs(period - size) <= _find_reach(size)
 
 
 def _find_reach(size: int) -> int:
-    """By how many pixels parallax may change the period of elemental images of `size` pixels."""
+    """Returns by how many pixels parallax may change the period of elemental images of `size` pixels."""
     return 1 + size // 8
 
 
 def _score_divisors(values: NDArray[np.float64]) -> dict[int, float]:
-    """The highest correlation near each divisor of the length that has `LEAST_OWN_CORRELATION` there; less of it counts
-    the farther away it is.
+    """Returns the highest correlation near each divisor of the length that has `LEAST_OWN_CORRELATION` there.
+
+    A correlation counts less the farther away it is.
     """
     start = int(np.argmax(values <= 0))
     beyond = np.where(np.arange(len(values)) < start, -1.0, values)  # neighbouring pixels are alike in any picture
@@ -147,7 +157,7 @@ def _find_highest(values: NDArray[np.float64], shift: int, reach: int) -> float:
 
 
 def _correlate(picture: Pixels, axis: int) -> NDArray[np.float64]:
-    """The correlation of the gradient along `axis` with itself, by the shift in pixels, 1 at shift 0."""
+    """Returns the correlation of the gradient along `axis` with itself, by the shift in pixels, 1 at shift 0."""
     along = np.moveaxis(picture, axis, 1)
     chosen = np.linspace(0, len(along) - 1, min(LINES, len(along))).astype(int)
     middle = (picture.shape[2] - 1) // 2  # grey or green

@@ -34,13 +34,13 @@ if TYPE_CHECKING:
 
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
-    """As `read_pixels`, of the picture in `data`; raises as `pictures.decode`, too.
+    """Reads the picture in `data` like `read_pixels`; also raises like `pictures.decode`.
 
-    Of a PNG that we wrote, whose text says how its views lie in it, `layout` may leave that open. A note says where
-    another pickup is given.
+    If we wrote the picture as a PNG, its text states how its views lie in it, and `layout` may leave that open. A note
+    is added if another pickup is given.
 
-    The rounding of an elemental image array that is a JPEG is undone in part (`jpeg_rounding`), with a note, where
-    `layout.restores_jpeg`. Another note names a colour profile that is not sRGB.
+    If `layout.restores_jpeg`, the rounding of an elemental image array that is a JPEG is undone in part
+    (`jpeg_rounding`), with a note. Another note names a colour profile that is not sRGB.
     """
     picture = pictures.decode(data, name=name, max_pixels=limits.pixels)
     layout = complete_layout(layout, data)
@@ -50,12 +50,12 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     notes = (*note_profile(data, name), *((ROUNDED,) * pictures.is_rounded(data)))
     own = complete_layout(Layout(), data)
     if own.arrangement == "eia" and layout.pickup not in (None, own.pickup):
-        notes = (*notes, f"pickup: the file's own text says {own.pickup}; it is read as {layout.pickup}, as was given")
+        notes = (*notes, f"pickup: the file's own text says {own.pickup}; it is read as {layout.pickup}, as given")
     return replace(found, notes=(*found.notes, *notes))
 
 
 def complete_layout(layout: Layout, data: bytes) -> Layout:
-    """With the layout that the picture in `data` was written with, where `layout` leaves it open."""
+    """Returns `layout`, completed by the layout that the picture in `data` was written with."""
     entry = find_format(data)
     if entry is None or entry.name != "PNG":
         return layout
@@ -66,19 +66,19 @@ def complete_layout(layout: Layout, data: bytes) -> Layout:
 
 
 def read_pixels(picture: Pixels, *, name: str, layout: Layout, jpeg: bytes = b"") -> LightField:
-    """The light field in `picture`, `(H, W, C)`, without its margins `layout.crop`.
+    """Reads the light field in `picture`, `(H, W, C)`, without its margins `layout.crop`.
 
     - An elemental image array: `layout.lenses` elemental images, or elemental images of `layout.pixels`.
     - A mosaic: `layout.pixels` rows and columns of views side by side, or views of `layout.lenses` pixels; the upper
       left one is view (0, 0). Its depth sense is that of cameras.
 
-    With the arrangement `auto` a picture is a mosaic where its period certainly is that of one, with a note. Another
-    note says where the picture shows other numbers than those that were given.
+    With the arrangement `auto` a picture is read as a mosaic if its period certainly is that of one, with a note.
+    Another note is added if the picture shows other numbers than the given ones.
 
-    `jpeg`: the file, if it is one. Its rounding is undone in part where `layout.restores_jpeg`, and it is an elemental
-    image array without margins, whose numbers no note questions.
+    `jpeg`: the file, if it is a JPEG. If `layout.restores_jpeg`, its rounding is undone in part, provided that it is an
+    elemental image array without margins whose numbers no note questions.
 
-    Raises `InvalidOption` where both numbers are missing or don't fit the picture, with those that would.
+    Raises `InvalidOption` if both numbers are missing or don't fit the picture, and lists those that would.
     """
     picture = _crop(picture, layout.crop)
     periods = Periods(picture)
@@ -101,8 +101,10 @@ def read_pixels(picture: Pixels, *, name: str, layout: Layout, jpeg: bytes = b""
 
 
 def _restore(data: bytes, picture: Pixels, lens: Pair) -> tuple[Pixels, tuple[str, ...]]:
-    """The picture in a JPEG with its rounding undone in part, and a note; as it is, and none, where that changes
-    nothing, or its brightness isn't stored as `picture` shows it.
+    """Returns the picture in a JPEG with its rounding undone in part, and a note.
+
+    The picture is returned as it is, without a note, if that changes nothing, or if its brightness isn't stored as
+    `picture` shows it.
     """
     from ciir.renderer.readers import jpeg  # it imports Pillow
     from ciir.renderer.readers.eia import jpeg_rounding
@@ -117,7 +119,7 @@ def _restore(data: bytes, picture: Pixels, lens: Pair) -> tuple[Pixels, tuple[st
     note = (
         f"the array is a JPEG: {'less than 1' if share < 1 else round(share)} % of its pixels were changed, by at most "
         f"{restored.most} of 255 levels, to undo part of the file's rounding, so that brightness changes more "
-        "smoothly from view to view; converted to PNG it is upscaled as decoded"
+        "smoothly from view to view; convert it to PNG to upscale it as decoded"
     )
     return restored.pixels, (note,)
 
@@ -147,7 +149,7 @@ def _read_mosaic(mosaic: Pixels, grid: Pair, periods: Periods, *, is_sure: bool)
 
 
 def _count_lenses(eia: Pixels, layout: Layout, periods: Periods) -> Pair:
-    """Rows and columns of lenses; of a mosaic, of pixels of a view."""
+    """Returns the rows and columns of lenses, or of pixels of a view for a mosaic."""
     height, width = eia.shape[:2]
     described = f"the picture of {height}x{width} pixels (rows x columns)"
     for option, given in (("pixels", layout.pixels), ("lenses", layout.lenses)):

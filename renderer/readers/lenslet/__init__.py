@@ -1,1 +1,1 @@
-"""Raw lenslet pictures: what a sensor behind a lens array takes, with a pitch that is no whole number of pixels."""
+"""Raw lenslet pictures, as taken by a sensor behind a lens array, whose pitch isn't a whole number of pixels."""

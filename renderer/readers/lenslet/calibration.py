@@ -1,4 +1,4 @@
-"""Calibration of a raw lenslet picture: its lens grid, from the picture alone."""
+"""Calibrates a raw lenslet picture: finds its lens grid from the picture alone."""
 
 from __future__ import annotations
 
@@ -27,33 +27,33 @@ if TYPE_CHECKING:
 
 _LEAST_CONTRAST = {"borders": 3.0, "edges": 4.0}  # photographs and noise reach 2.3
 _DISTINCT = 0.8
-_DARKER = 0.05  # of the logarithm of brightness, from middle to border: less is the scene's own
+_DARKER = 0.05  # fall of the logarithm of brightness from middle to border; less comes from the scene
 _CLEARLY_DARKER = 0.12  # elemental image arrays without darker borders reach 0.09, borders of 0.8 of the light 0.13
-_LOOK = 320, 1024  # pixels
+_LOOK = 320, 1024  # pixels along a side, least and most
 _MOST_TURNED = 15.0  # degrees: half way from rows to columns
 _MOST_SCATTER = {"borders": 0.04, "edges": 0.03}  # pitches
 
 
 class NoGrid(Unreadable):
-    """No lens grid shows in the picture at all."""
+    """The picture shows no lens grid at all."""
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """A lens grid, and what speaks for it."""
+    """A lens grid, and the evidence for it."""
 
     grid: LensGrid
     """Its offset is that of the lens nearest to the picture's upper left corner."""
     cue: Cue | None = None
-    """What showed it; None where everything was given."""
+    """The cue that showed the grid; None if everything was given."""
     share: float = 0.0
-    """Of the picture's lenses: those that counted."""
+    """The share of the picture's lenses that counted."""
     scatter: float = 0.0
-    """Median distance of their own places from the grid's, in pixels."""
+    """Median distance of the lenses' own positions from the grid's, in pixels."""
     uncertainty: float = 0.0
     """Standard error of the pitch, in pixels, times the lenses along the picture's longer side."""
     in_columns: bool = False
-    """Whether the grid is that of the transposed picture, since every other column of lenses is shifted."""
+    """Whether the grid is that of the transposed picture, because every other column of lenses is shifted."""
 
     @property
     def known(self) -> Known:
@@ -71,14 +71,14 @@ def calibrate(
     name: str = "picture",
     is_white: bool = False,
 ) -> Calibration:
-    """The lens grid of a raw lenslet picture, or of a white one, `(H, W, C)`.
+    """Finds the lens grid of a raw lenslet picture, or of a white one, `(H, W, C)`.
 
-    A first estimate from the Fourier transform, as in Dansereau, Pizarro and Williams, "Decoding, calibration and
-    rectification for lenselet-based plenoptic cameras" (CVPR 2013), then phases in blocks, then least squares over
-    lenses. A square grid looks the same every 90 degrees of rotation, a hexagonal one every 60: the least is found,
-    with rows or with columns.
+    A first estimate comes from the Fourier transform, as in Dansereau, Pizarro and Williams, "Decoding, calibration and
+    rectification for lenselet-based plenoptic cameras" (CVPR 2013). Phases in blocks refine it, then least squares over
+    lenses. A square grid looks the same every 90 degrees of rotation, a hexagonal one every 60: the smallest rotation
+    is found, with rows or with columns.
 
-    Raises `Unreadable` where the picture shows no grid, or more than one. `name` and `is_white` are for messages.
+    Raises `Unreadable` if the picture shows no grid, or more than one. `name` and `is_white` are for messages.
     """
     found = _find_grid(picture, known, name, is_white=is_white)
     if found is not None:
@@ -96,8 +96,8 @@ def calibrate(
             "or auto"
         )
     raise NoGrid(
-        f"{name}: shows no lens grid{given} by itself: lenses must darken towards their borders, and each side have "
-        f"at least {LEAST_LENSES}; give {'' if is_white else 'a white picture, or '}lens_pitch, lens_offset, "
+        f"{name}: shows no lens grid{given} by itself: lenses must darken towards their borders, and each side must "
+        f"have at least {LEAST_LENSES}; give {'' if is_white else 'a white picture, or '}lens_pitch, lens_offset, "
         "lens_rotation and lens_grid"
     )
 
@@ -105,7 +105,7 @@ def calibrate(
 def _find_grid(
     picture: NDArray[np.uint8] | NDArray[np.uint16], known: Known, name: str, *, is_white: bool = False
 ) -> Calibration | None:
-    """The grid that `calibrate` finds; None where the picture shows none."""
+    """Finds the grid for `calibrate`; returns None if the picture shows none."""
     if known.shape == "hexagonal-columns":
         found = _find_grid(picture.swapaxes(0, 1), known.transpose(), name, is_white=is_white)
         return None if found is None else replace(found, in_columns=True)
@@ -117,7 +117,7 @@ def _find_grid(
         if estimate is None:
             continue
         if estimate.shape == "hexagonal" and known.rotation is None and abs(estimate.rotation) > _MOST_TURNED:
-            if known.shape is not None:  # it isn't the one that was asked for, or has neither rows nor columns
+            if known.shape is not None:  # not the one asked for, or neither in rows nor columns
                 return None
             return _find_grid(picture, replace(known, shape="hexagonal-columns"), name, is_white=is_white)
         found = _refine(luma, cue, estimate, known)
@@ -128,7 +128,7 @@ def _find_grid(
 
 
 def _find_other_grid(picture: NDArray[np.uint8] | NDArray[np.uint16]) -> Known | None:
-    """The grid that the picture shows by itself."""
+    """Finds the grid that the picture shows by itself."""
     try:
         found = _find_grid(picture, Known(), "")
     except (Unreadable, InvalidOption):
@@ -137,9 +137,10 @@ def _find_other_grid(picture: NDArray[np.uint8] | NDArray[np.uint16]) -> Known |
 
 
 def detect_grid(picture: NDArray[np.uint8] | NDArray[np.uint16], about: int) -> LensGrid | None:
-    """The grid of lenses that clearly darken towards their borders, as those of a raw lenslet picture do; else None.
+    """Finds the grid of lenses that clearly darken towards their borders, as those of a raw lenslet picture do; else
+    None.
 
-    A quick look, 0.05 s where there are none, at some 24 lenses of `about` pixels in the middle of the picture.
+    This is a quick look, 0.05 s if there are none, at some 24 lenses of `about` pixels in the middle of the picture.
     """
     side = int(np.clip(24 * about, *_LOOK))
     top, left = (max(0, (length - side) // 2) for length in picture.shape[:2])
@@ -147,7 +148,7 @@ def detect_grid(picture: NDArray[np.uint8] | NDArray[np.uint16], about: int) -> 
     try:
         estimate = _estimate(luma, "borders", Known(), "")
         found = None if estimate is None else _refine(luma, "borders", estimate, Known(), least_depth=_CLEARLY_DARKER)
-    except (Unreadable, InvalidOption):  # two grids fit, or one of too small lenses
+    except (Unreadable, InvalidOption):  # two grids fit, or one whose lenses are too small
         return None
     if found is None:
         return None
@@ -175,7 +176,7 @@ def _estimate(
 def _refine(
     luma: NDArray[np.float32], cue: Cue, estimate: Estimate, known: Known, *, least_depth: float = _DARKER
 ) -> Calibration | None:
-    """The exact grid; None where lenses don't agree with one, or don't darken by `least_depth` (see `_DARKER`)."""
+    """Finds the exact grid; None if lenses don't agree with one, or don't darken by `least_depth` (see `_DARKER`)."""
     signal, blurred = show_lenses(luma, cue), blur_lenses(luma, estimate.pitch)
     keep_pitch, keep_rotation = known.pitch is not None, known.rotation is not None
     grid = search_grid(
@@ -200,7 +201,7 @@ def _refine(
         lenses,
         grid,
         keep_pitch=keep_pitch,
-        keep_offset=known.offset is not None or cue == "edges",  # content's edges are more on one side of a border
+        keep_offset=known.offset is not None or cue == "edges",  # content has more edges on one side of a border
         keep_rotation=keep_rotation,
     )
     if known.offset is None and cue == "edges":
@@ -210,7 +211,7 @@ def _refine(
 
 
 def _move_to_corner(grid: LensGrid) -> LensGrid:
-    """The same lenses, counted from the one inside the picture that is nearest to its upper left corner."""
+    """Returns the same lenses, counted from the one inside the picture that is nearest to its upper left corner."""
     i, j = grid.find_nearest(np.zeros(2))
     around = np.mgrid[-2:3, -2:3].reshape(2, -1)
     centers = grid.find_centers(i + around[0], j + around[1])

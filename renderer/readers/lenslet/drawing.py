@@ -1,4 +1,4 @@
-"""A lens grid drawn over its picture, to see whether it fits."""
+"""Draws a lens grid over its picture, to check whether it fits."""
 
 from __future__ import annotations
 
@@ -15,11 +15,13 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
 
 BORDER, CENTER = (255, 64, 0), (0, 255, 255)
-_STRIP = 1 << 20  # pixels at a time
+_STRIP = 1 << 20  # pixels drawn at a time
 
 
 def draw_grid(picture: Pixels, grid: LensGrid) -> NDArray[np.uint8]:
-    """`picture`, `(H, W, C)`, as `(H, W, 3)` uint8 with the borders between lenses, half transparent, and centres."""
+    """Returns `picture`, `(H, W, C)`, as `(H, W, 3)` uint8 with half-transparent borders between lenses, and their
+    centres.
+    """
     height, width = picture.shape[:2]
     channels = [0, 1, 2] if picture.shape[2] >= 3 else [0, 0, 0]
     drawn: NDArray[np.uint8] = picture[..., channels].astype(np.uint8)

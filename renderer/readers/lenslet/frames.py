@@ -1,4 +1,4 @@
-"""White and dark frames: what a raw lenslet picture owes to its lenses and its sensor."""
+"""White and dark frames, which correct a raw lenslet picture for its lenses and its sensor."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
 
 MOST_GAIN = 10.0
-"""Darker parts of lenses are not brightened further: that would show noise."""
+"""The largest gain. Darker parts of lenses are not brightened further, because that would show noise."""
 
 
 def subtract_dark(picture: Pixels, dark: Pixels) -> Pixels:
-    """`picture` less `dark`, both `(H, W, C)` of one type, not below 0. Alpha stays."""
+    """Returns `picture` minus `dark`, both `(H, W, C)` of the same type, not below 0. Alpha stays as it is."""
     less: Pixels = picture - np.minimum(picture, dark)
     if picture.shape[2] in (2, 4):
         less[..., -1] = picture[..., -1]
@@ -24,9 +24,10 @@ def subtract_dark(picture: Pixels, dark: Pixels) -> Pixels:
 
 
 def divide_by_white(picture: Pixels, white: Pixels) -> Pixels:
-    """`picture` as if all of it were as bright as the middle of the brightest lenses of `white`, both `(H, W, C)`.
+    """Returns `picture` as if all of it were as bright as the middle of the brightest lenses of `white`, both
+    `(H, W, C)`.
 
-    Colours stay: the gain of a pixel is the same in all channels. Alpha stays.
+    Colours are kept, because the gain of a pixel is the same in all channels. Alpha stays as it is.
     """
     gain = np.clip(255 / np.maximum(scale_luma(white), 1), 1, MOST_GAIN)
     colours = picture.shape[2] - (picture.shape[2] in (2, 4))

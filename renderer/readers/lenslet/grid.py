@@ -1,4 +1,4 @@
-"""The lens grid of a raw lenslet picture: where each lens's centre lies in it."""
+"""The lens grid of a raw lenslet picture: the positions of the lens centres."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ if TYPE_CHECKING:
 Shape = Literal["square", "hexagonal"]
 """Rows and columns of lenses, or rows of which every other one is shifted by half a pitch."""
 KnownShape = Literal["square", "hexagonal", "hexagonal-columns"]
-"""A shape, or columns of which every other one is shifted: a hexagonal grid of the transposed picture."""
+"""A `Shape`, or columns of which every other one is shifted, which is a hexagonal grid of the transposed picture."""
 
 ROW_STEP = {"square": 1.0, "hexagonal": 3**0.5 / 2}
 """Distance between neighbouring rows of a grid that isn't stretched, in pitches."""
 LEAST_PITCH, MOST_PITCH = 5.0, 200.0
-"""Pixels."""
+"""The least and the greatest pitch, in pixels."""
 
 
 @dataclass(frozen=True)
 class LensGrid:
-    """Lens centres in a picture, whose pixels have their centres at whole numbers, y down.
+    """Lens centres in a picture. Pixel centres lie at whole numbers, y down.
 
     Lens (0, 0) lies at `offset`. Lens (i, j) lies `i * row_step` pitches across the rows from there and j pitches along
-    them, half a pitch more where the grid is hexagonal and i is odd. Indices may be negative.
+    them, plus half a pitch if the grid is hexagonal and i is odd. Indices may be negative.
 
-    Raises `InvalidOption` for a pitch that is out of range.
+    Raises `InvalidOption` if the pitch is out of range.
     """
 
     pitch: float
@@ -38,10 +38,10 @@ class LensGrid:
     offset: tuple[float, float]
     """(y, x) of one lens's centre, in pixels."""
     rotation: float = 0.0
-    """Degrees; rows of a positive one go down to the right."""
+    """In degrees; with a positive rotation, rows go down to the right."""
     shape: Shape = "square"
     stretch: float = 1.0
-    """Distance between rows over that of a regular grid."""
+    """Distance between rows, divided by that of a regular grid."""
 
     def __post_init__(self) -> None:
         if not LEAST_PITCH <= self.pitch <= MOST_PITCH:
@@ -60,21 +60,21 @@ class LensGrid:
         return make_axes(self.rotation)
 
     def find_positions(self, row: NDArray[np.int64], along: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(y, x) in pixels, `(..., 2)`, of the points `along` pitches along each row from where lens (0, 0) stands."""
+        """Returns (y, x) in pixels, `(..., 2)`, of points `along` pitches along each row, counted from lens (0, 0)."""
         steps = np.stack(np.broadcast_arrays(row * self.row_step, along), axis=-1)  # (..., 2)
         positions: NDArray[np.float64] = np.asarray(self.offset) + self.pitch * (steps @ self.axes)
         return positions
 
     def find_centers(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> NDArray[np.float64]:
-        """(y, x) of lenses (i, j) in pixels, `(..., 2)`."""
+        """Returns (y, x) of lenses (i, j) in pixels, `(..., 2)`."""
         return self.find_positions(i, j + self.find_shift(i))
 
     def find_shift(self, i: NDArray[np.int64]) -> NDArray[np.float64]:
-        """By how many pitches the lenses of rows i are shifted along them."""
+        """Returns the number of pitches by which the lenses of rows i are shifted along them."""
         return (i % 2) / 2 if self.shape == "hexagonal" else np.zeros(np.shape(i))
 
     def find_nearest(self, points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """The lenses (i, j) whose centres are nearest to points (y, x) in pixels, `(..., 2)`."""
+        """Returns the lenses (i, j) whose centres are nearest to the points (y, x) in pixels, `(..., 2)`."""
         across, along = np.moveaxis((points - np.asarray(self.offset)) @ self.axes.T / self.pitch, -1, 0)
         step = self.row_step
         first = np.floor(across / step).astype(np.int64)
@@ -88,7 +88,7 @@ class LensGrid:
 
 @dataclass(frozen=True)
 class Known:
-    """The given part of a raw lenslet picture's grid. What is None is found from the picture."""
+    """The known part of a raw lenslet picture's grid. Whatever is None is found from the picture."""
 
     pitch: float | None = None
     offset: tuple[float, float] | None = None
@@ -97,7 +97,7 @@ class Known:
     stretch: float = 1.0
 
     def transpose(self) -> Known:
-        """Of a grid of shape `hexagonal-columns`: as a `hexagonal` one of the transposed picture."""
+        """Turns a grid of shape `hexagonal-columns` into a `hexagonal` one of the transposed picture."""
         offset = None if self.offset is None else (self.offset[1], self.offset[0])
         return Known(
             self.pitch, offset, None if self.rotation is None else -self.rotation, "hexagonal", 1 / self.stretch
@@ -105,6 +105,8 @@ class Known:
 
 
 def make_axes(rotation: float) -> NDArray[np.float64]:
-    """Unit vectors across the rows and along them, `(2, 2)`, each as (y, x), of a grid turned by degrees."""
+    """Returns unit vectors across the rows and along them, `(2, 2)`, each as (y, x), of a grid turned by `rotation`
+    degrees.
+    """
     cosine, sine = np.cos(np.deg2rad(rotation)), np.sin(np.deg2rad(rotation))
     return np.array([[cosine, -sine], [sine, cosine]])

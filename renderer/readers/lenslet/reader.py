@@ -29,42 +29,42 @@ if TYPE_CHECKING:
     from ciir.renderer.views import DepthSense
 
 _SAME = 0.01
-"""Of the pitch: a quick look at some lenses finds it to less."""
+"""A share of the pitch: a quick look at some lenses has a smaller error."""
 _OFF = 0.25
-"""Pitches: by so much a lens that is seen may lie elsewhere than the given offset puts it."""
+"""In pitches: how far a visible lens may be from where the given offset puts it."""
 _WHOLE = 0.003
-"""Of the pitch: one this close to whole pixels may be an elemental image array's."""
+"""A share of the pitch: a pitch this close to whole pixels may be that of an elemental image array."""
 _SETTLED = 0.05
-"""Pixels over all lenses: a pitch that is less certain is noted as such."""
+"""In pixels over all lenses: a pitch that is less certain is noted as such."""
 
 
 @dataclass(frozen=True)
 class _Raw:
     picture: Pixels
-    """Less its dark frame, over its white one; transposed where the grid has columns."""
+    """The picture minus its dark frame, divided by its white one; transposed if the grid has columns."""
     calibration: Calibration
     has_white: bool
     is_lytro: bool
     difference: str
-    """A note where a quick look finds other lenses than those that were given; empty where they are the same."""
+    """A note if a quick look finds other lenses than those that were given; empty if they are the same."""
     rounded: tuple[str, ...]
-    """A note where the picture is an array of floating-point numbers."""
+    """A note if the picture is an array of floating-point numbers."""
 
 
 def read(bundle: Bundle, key: str, layout: Layout, known: Known) -> LightField:
-    """The light field of the picture `key`, with `white` and `dark` pictures of the same set as its frames.
+    """Reads the light field of the picture `key`, with `white` and `dark` pictures of the same set as its frames.
 
-    `bundle.keep_grid` is given its lens grid, drawn over it.
+    `bundle.keep_grid` receives the picture with its lens grid drawn over it.
 
-    Its views have a pixel for each lens, and `layout.pixels` say how many pixels under a lens become views; by default
-    as many as every lens has. Those of a Lytro camera count its places from the left, as Lytro's ESLF does: depth sense
-    of cameras. Raises `InputError`.
+    A view has a pixel for each lens, and `layout.pixels` states how many pixels under a lens become views; by default
+    as many as every lens has. Views of a Lytro camera count its positions from the left, as Lytro's ESLF does, so their
+    depth sense is that of cameras. Raises `InputError`.
     """
     name = clean_text(bundle.name)
     for option in ("lenses", "arrangement", "crop"):
         if getattr(layout, option) != getattr(Layout, option):
             raise InvalidOption(
-                f"{option}: this is for elemental image arrays, and lens_pitch says that {name} is none; "
+                f"{option}: this is for elemental image arrays, and lens_pitch says that {name} isn't one; "
                 "leave one of them out"
             )
     raw = _load(bundle, key, known)
@@ -96,9 +96,9 @@ def read(bundle: Bundle, key: str, layout: Layout, known: Known) -> LightField:
     if raw.difference:
         notes.append(raw.difference)
     if max(pixels) > fits:
-        notes.append(f"pixels: lenses have {fits}x{fits} of their own; views beyond also show their neighbours")
+        notes.append(f"pixels: lenses have {fits}x{fits} of their own; views beyond these also show their neighbours")
     if not raw.has_white:
-        notes.append("views of pixels at lenses' borders stay as dark as these are: there was no white picture")
+        notes.append("views of pixels at the borders of lenses stay dark, because there was no white picture")
     if grid.shape == "hexagonal":
         notes.append(f"the hexagonal grid was resampled to {views.shape[2]}x{views.shape[3]} pixels of a square one")
     notes += raw.rounded
@@ -107,7 +107,7 @@ def read(bundle: Bundle, key: str, layout: Layout, known: Known) -> LightField:
 
 
 def find_grid(bundle: Bundle, key: str, known: Known) -> Calibration:
-    """The lens grid of the picture `key`, as `read` finds it. Raises `InputError`."""
+    """Finds the lens grid of the picture `key` in the same way as `read`. Raises `InputError`."""
     return _load(bundle, key, known).calibration
 
 
@@ -141,15 +141,15 @@ def _load(bundle: Bundle, key: str, known: Known) -> _Raw:
 
 
 def _describe_elemental_images(picture: Pixels) -> str:
-    """What to give instead for a picture without a lens grid."""
+    """Says what to give instead for a picture without a lens grid."""
     sizes = " or ".join("{}x{}".format(*size) for size in Periods(picture).rank_sizes())
     seen = f" (by its period {sizes})" if sizes else ""
     return f"if it is an elemental image array, leave lens_pitch out and give its pixels{seen}, or its lenses"
 
 
 def _describe_difference(picture: Pixels, known: Known, taken: Calibration) -> str:
-    """A note where the picture clearly shows lenses of another pitch than the given one, or with the given offset
-    elsewhere than in `taken`; else empty.
+    """Returns a note if the picture clearly shows lenses with another pitch than the given one, or, with the given
+    offset, elsewhere than in `taken`; else an empty text.
     """
     if known.pitch is None and known.offset is None:
         return ""
@@ -177,7 +177,9 @@ def _describe_difference(picture: Pixels, known: Known, taken: Calibration) -> s
 
 
 def _calibrate(picture: Pixels, known: Known, camera: Camera | None, name: str, *, is_white: bool) -> Calibration:
-    """The grid that `picture` shows; where it shows none and nothing is known, that of the metadata of a `camera`."""
+    """Returns the grid that `picture` shows. If it shows none and nothing is known, returns the grid of the `camera`'s
+    metadata.
+    """
     if camera is None or known != Known():
         return calibrate(picture, known, name=name, is_white=is_white)
     try:
@@ -189,9 +191,9 @@ def _calibrate(picture: Pixels, known: Known, camera: Camera | None, name: str, 
 
 
 def _decode_frame(bundle: Bundle, key: str, picture: Pixels, which: str, has_dark: bool) -> Pixels:
-    """The frame `which` of `picture`.
+    """Decodes the frame `which` of `picture`.
 
-    A white one may have other bits, since only its ratios count, unless a dark one is subtracted from it.
+    A white frame may have another bit depth, because only its ratios count, unless a dark one is subtracted from it.
     """
     frame = pictures.decode(bundle.files[key], name=f"{which} picture", max_pixels=bundle.limits.pixels)
     if frame.shape != picture.shape or (has_dark and frame.dtype != picture.dtype):
@@ -199,7 +201,7 @@ def _decode_frame(bundle: Bundle, key: str, picture: Pixels, which: str, has_dar
             f"{shown.shape[0]}x{shown.shape[1]} pixels of {shown.shape[2]} channels, {shown.dtype.itemsize * 8} bit"
             for shown in (frame, picture)
         )
-        raise InvalidOption(f"{which}: the {which} picture has {given}, the raw one {needed}; give one of its kind")
+        raise InvalidOption(f"{which}: the {which} picture has {given}, the raw one {needed}; give one like it")
     return frame
 
 
@@ -216,7 +218,7 @@ def _describe_grid(found: Calibration) -> str:
     if found.uncertainty > 0:  # the pitch was not given
         text += f", which settles the pitch times all lenses to {found.uncertainty:.2f} pixels (standard error)"
     if found.cue == "edges":
-        text += "; lenses don't darken towards their borders, so that it may be wrong: see --show-grid"
+        text += "; lenses don't darken towards their borders, so it may be wrong: see --show-grid"
         pixels = round(found.grid.pitch)
         if abs(found.grid.pitch - pixels) < _WHOLE * pixels:
             text += f"; if it is an elemental image array, leave lens_pitch out and give pixels {pixels}x{pixels}"

@@ -1,4 +1,4 @@
-"""A grid's last digits: least squares over the lenses that look like most others."""
+"""Refines a grid to its last digits, by least squares over the lenses that look like most others."""
 
 from __future__ import annotations
 
@@ -16,25 +16,27 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.lenslet.grid import LensGrid
 
 MOST_POINTS = 4_000_000
-"""Samples of all lenses together; of more lenses every so many are taken."""
+"""The most samples of all lenses together. If there are more, only every nth lens is used."""
 _REACH = 0.7  # pitches from a lens's centre to the side of its window, which holds the borders on both sides
 _ROUNDS = 6
-_BLOCKS = 4  # along each side
-_LIKENESS = 0.9  # of a lens that counts, as a share of that of the best tenth
+_BLOCKS = 4  # along each side of the picture
+_LIKENESS = 0.9  # the least that counts, as a share of that of the best tenth
 
 
 @dataclass(frozen=True)
 class Lenses:
-    """Lenses of a grid that are lit and lie in the picture with their borders, each `(n,)`; not all of very many."""
+    """Lenses of a grid that are lit and lie in the picture with their borders, each `(n,)`. If there are very many,
+    only some.
+    """
 
     i: NDArray[np.int64]
     j: NDArray[np.int64]
     share: float
-    """Of all lenses that lie in the picture: those that are lit."""
+    """The share of lit lenses among all that lie in the picture."""
 
     @classmethod
     def find(cls, grid: LensGrid, blurred: NDArray[np.float32]) -> Lenses:
-        """Those of `grid` in a picture whose scene has the brightness `blurred`, `(H, W)`."""
+        """Finds those of `grid` in a picture whose scene has the brightness `blurred`, `(H, W)`."""
         size = np.array(blurred.shape)
         reach = int(1.3 * np.hypot(*size) / grid.pitch) + 2
         first = grid.find_nearest((size - 1) / 2)
@@ -54,9 +56,9 @@ class Refinement:
 
     grid: LensGrid
     share: float
-    """Of the lenses in the picture: those that counted."""
+    """The share of the lenses in the picture that counted."""
     scatter: float
-    """Median distance of these lenses' own places from the grid's, in pixels."""
+    """Median distance of these lenses' own positions from the grid's, in pixels."""
     uncertainty: float
     """Standard error of the pitch, in pixels, times the lenses along the picture's longer side."""
 
@@ -71,13 +73,13 @@ def refine_grid(
     keep_offset: bool,
     keep_rotation: bool,
 ) -> Refinement:
-    """The grid that fits `signal` best; `grid` may be wrong by a fifth of a pitch.
+    """Finds the grid that fits `signal` best; `grid` may be wrong by a fifth of a pitch.
 
-    `signal`: `(H, W)`, bright inside lenses (`signals.show_lenses`). `blurred`: `(H, W)`, the scene's brightness.
-    Each round takes the mean of the lenses as the template and finds how far each lens is displaced from it. The
-    template is made symmetric about its centre, which settles the offset. Content moves the borders of its lenses a
-    little towards its darker side, by how much depends on its depth: the brightness's gradient times a quadratic
-    function of the place accounts for that.
+    `signal`: `(H, W)`, bright inside lenses (`signals.show_lenses`). `blurred`: `(H, W)`, the scene's brightness. Each
+    round takes the mean of the lenses as the template and finds how far each lens is displaced from it. The template is
+    made symmetric about its centre, which settles the offset. Content moves the borders of its lenses a little towards
+    its darker side, by an amount that depends on its depth. The gradient of the brightness times a quadratic function
+    of the position accounts for that.
     """
     window = _make_window(_REACH * grid.pitch)
     i, j = lenses.i, lenses.j
@@ -133,9 +135,11 @@ def refine_grid(
 
 
 def center_grid(signal: NDArray[np.float32], lenses: Lenses, grid: LensGrid) -> LensGrid:
-    """`grid` with its offset moved by up to a quarter of a pitch, to where the mean lens is most nearly symmetric."""
+    """Returns `grid` with its offset moved by up to a quarter of a pitch, to where the mean lens is most nearly
+    symmetric.
+    """
     step = max(1, round(grid.pitch / 24))
-    count = round(grid.pitch / 4) // step  # of steps to each side
+    count = round(grid.pitch / 4) // step  # steps to each side
     margin = count * step
     window = _make_window(_REACH * grid.pitch + margin)
     side = round(len(window) ** 0.5)
@@ -158,8 +162,9 @@ def center_grid(signal: NDArray[np.float32], lenses: Lenses, grid: LensGrid) -> 
 
 
 def measure_depth(luma: NDArray[np.float32], lenses: Lenses, grid: LensGrid) -> float:
-    """How much darker lenses are at their left and right borders than in their middle: the median over lit lenses of
-    the difference of logarithms.
+    """Measures how much darker lenses are at their left and right borders than in their middle.
+
+    Returns the median over lit lenses of the difference of logarithms.
     """
     logs = np.log(ndimage.gaussian_filter(luma, max(1.0, grid.pitch / 12)) + np.float32(FLOOR))
     i, j = lenses.i, lenses.j
@@ -168,21 +173,21 @@ def measure_depth(luma: NDArray[np.float32], lenses: Lenses, grid: LensGrid) -> 
 
 
 def _make_window(reach: float) -> NDArray[np.float64]:
-    """(y, x) of samples a pixel apart, to `reach` pixels on each side of a lens's centre, `(n, 2)`."""
+    """Returns (y, x) of samples one pixel apart, up to `reach` pixels on each side of a lens's centre, `(n, 2)`."""
     side = np.arange(-np.floor(reach), np.floor(reach) + 1)
     window: NDArray[np.float64] = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
     return window
 
 
 def _measure_evenness(blurred: NDArray[np.float32], pitch: float) -> NDArray[np.float32]:
-    """The least over the greatest brightness within half a pitch, `(H, W)`."""
+    """Returns the least brightness within half a pitch divided by the greatest, `(H, W)`."""
     side = 2 * round(pitch / 2) + 1
     even: NDArray[np.float32] = ndimage.minimum_filter(blurred, side) / (ndimage.maximum_filter(blurred, side) + 1)
     return even
 
 
 def _sample(picture: NDArray[np.float32], points: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Bilinear samples at (y, x), `(..., 2)`."""
+    """Returns bilinear samples at (y, x), `(..., 2)`."""
     samples: NDArray[np.float32] = ndimage.map_coordinates(picture, np.moveaxis(points, -1, 0), order=1, mode="nearest")
     return samples
 
@@ -190,7 +195,7 @@ def _sample(picture: NDArray[np.float32], points: NDArray[np.float64]) -> NDArra
 def _compare(
     windows: NDArray[np.float32], template: NDArray[np.float32]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """How far each window's lens is displaced from the template, (y, x) `(n, 2)`, and their correlation `(n,)`.
+    """Returns how far each window's lens is displaced from the template, (y, x) `(n, 2)`, and their correlation `(n,)`.
 
     `windows`: `(n, samples)`. The equations are those of Lucas and Kanade (1981), with a factor and a constant.
     """
@@ -205,20 +210,24 @@ def _compare(
 
 
 def _solve(equations: NDArray[np.float64], places: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Least squares with Tukey's weights of `equations`, `(n, 2, unknowns)`, and the median distance from `places`."""
+    """Solves `equations`, `(n, 2, unknowns)`, by least squares with Tukey's weights; also returns the median distance
+    from `places`.
+    """
     found = np.zeros(equations.shape[2])
     middle = 0.0
     for _ in range(10):
         distance = np.hypot(*(places - equations @ found).T)
         middle = float(np.median(distance))
-        weight = np.clip(1 - (distance / (4 * max(middle, 0.01))) ** 2, 0, 1)  # the root of Tukey's
+        weight = np.clip(1 - (distance / (4 * max(middle, 0.01))) ** 2, 0, 1)  # the square root of Tukey's
         left = (equations * weight[:, None, None]).reshape(-1, len(found))
         found = np.linalg.lstsq(left, (places * weight[:, None]).ravel(), rcond=None)[0]
     return found, middle
 
 
 def _measure_error(equations: NDArray[np.float64], places: NDArray[np.float64], around: NDArray[np.float64]) -> float:
-    """The standard error of the third unknown, by the jackknife over blocks of the picture: neighbours err alike."""
+    """Returns the standard error of the third unknown, by the jackknife over blocks of the picture, because neighbours
+    err alike.
+    """
     bands = [np.digitize(side, np.quantile(side, np.arange(1, _BLOCKS) / _BLOCKS)) for side in around.T]
     block = _BLOCKS * bands[0] + bands[1]
     found = [_solve(equations[block != left], places[block != left])[0][2] for left in np.unique(block)]

@@ -1,4 +1,4 @@
-"""Views from a raw lenslet picture, by samples between its pixels."""
+"""Computes views from a raw lenslet picture, by sampling between its pixels."""
 
 from __future__ import annotations
 
@@ -18,21 +18,22 @@ if TYPE_CHECKING:
 
 
 def fit_pixels(grid: LensGrid) -> int:
-    """The largest odd count of pixels along a side of a square that lies in every lens's cell; at least 1."""
+    """Returns the largest odd number of pixels along a side of a square that lies in every lens's cell; at least 1."""
     side = grid.pitch * (1.0 if grid.shape == "square" else 3**0.5 - 1)
-    return max(1, 2 * int((side + 0.05 - 1) // 2) + 1)  # a pitch that is found is not exact
+    return max(1, 2 * int((side + 0.05 - 1) // 2) + 1)  # a measured pitch is not exact
 
 
 def resample_views(picture: Pixels, grid: LensGrid, pixels: tuple[int, int], *, pickup: Pickup = "virtual") -> Pixels:
-    """The views `(pixels_v, pixels_u, rows, cols, channels)` of all lenses that lie wholly in `picture`, `(H, W, C)`.
+    """Returns the views `(pixels_v, pixels_u, rows, cols, channels)` of all lenses that lie wholly in `picture`,
+    `(H, W, C)`.
 
     View (v, u) is the picture at each lens's centre plus `(v - (pixels_v - 1) / 2, u - (pixels_u - 1) / 2)` pixels
-    along the grid's axes, minus it for an `optical` pickup. So views are upright with respect to the grid. Samples are
-    those of the interpolating cubic spline, exact for whole numbers. Rows of a hexagonal grid lie closer than lenses:
-    its columns are resampled to the distance of the rows, and the shift of every other row is undone, by a spline along
-    the rows.
+    along the grid's axes, or minus it for an `optical` pickup. So views are upright with respect to the grid. Samples
+    come from the interpolating cubic spline, exact at whole numbers. Rows of a hexagonal grid are closer together than
+    its lenses: its columns are resampled to the distance between the rows, and a spline along the rows undoes the shift
+    of every other row.
 
-    Raises `InvalidOption` where no lens lies in the picture.
+    Raises `InvalidOption` if no lens lies in the picture.
     """
     rows, along = place_views(grid, picture.shape[:2], pixels)
     shift = grid.find_shift(rows)[:, None]
@@ -59,9 +60,11 @@ def resample_views(picture: Pixels, grid: LensGrid, pixels: tuple[int, int], *, 
 def place_views(
     grid: LensGrid, size: tuple[int, ...], pixels: tuple[int, int]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Rows of lenses `(rows,)`, and the places of a view's pixels along a row `(cols,)`, in pitches from lens (0, 0).
+    """Returns rows of lenses `(rows,)`, and the positions of a view's pixels along a row `(cols,)`, in pitches from
+    lens (0, 0).
 
-    They fill the largest rectangle along the grid's axes that lies, with the pixels of its lenses, in the picture.
+    They fill the largest rectangle along the grid's axes that lies in the picture together with the pixels of its
+    lenses.
     """
     sine, cosine = abs(grid.axes[0, 1]), abs(grid.axes[0, 0])
     reach = np.array([[cosine, sine], [sine, cosine]]) @ (np.array(pixels) - 1)

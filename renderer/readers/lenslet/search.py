@@ -1,4 +1,4 @@
-"""The grid of an estimate, exact to a small part of a lens over the whole picture, with its offset."""
+"""Finds the grid of an estimate with its offset, exact to a small part of a lens over the whole picture."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.lenslet.spectrum import Estimate
 
 BLOCK = 3.0
-"""Pitches along a side of a block. Blocks overlap by half."""
+"""Length of a block's side in pitches. Blocks overlap by half."""
 _STEPS = 13
 
 
 def search_grid(signal: NDArray[np.float32], estimate: Estimate, *, keep_pitch: bool, keep_rotation: bool) -> LensGrid:
-    """The grid near `estimate` on which most blocks of `signal` agree, whatever the strength of each.
+    """Finds the grid near `estimate` on which most blocks of `signal` agree, however strong each one is.
 
     `signal`: `(H, W)`, bright at lenses' centres, 0 where nothing shows them. Every block has a phase for each spot of
-    the first ring. With the right pitch and rotation the phases of a spot are the same in all blocks: the offset.
+    the first ring. With the right pitch and rotation, the phases of a spot are the same in all blocks and give the
+    offset.
     """
     pitch, rotation, shape = estimate.pitch, estimate.rotation, estimate.shape
     spots = SPOTS[shape][: FIRST[shape]]
@@ -38,7 +39,7 @@ def search_grid(signal: NDArray[np.float32], estimate: Estimate, *, keep_pitch: 
         for spot in spots @ make_axes(rotation) / pitch:
             phasors, y, x = _find_phasors(signal, spot, BLOCK * pitch)
             steady = phasors / (np.abs(phasors) + 0.5 * np.percentile(np.abs(phasors), 75) + 1e-12)
-            turned = np.array([spot[1], -spot[0]])  # the derivative of a frequency by the rotation
+            turned = np.array([spot[1], -spot[0]])  # the derivative of a frequency with respect to the rotation
             drift = -spot * scales[:, None, None] + turned * turns[None, :, None]  # (scales, turns, 2)
             along_y = np.exp(-2j * np.pi * drift[..., :1] * (y - middle[0]))  # (scales, turns, blocks)
             along_x = np.exp(-2j * np.pi * drift[..., 1:] * (x - middle[1]))
@@ -54,9 +55,10 @@ def search_grid(signal: NDArray[np.float32], estimate: Estimate, *, keep_pitch: 
 def _find_phasors(
     signal: NDArray[np.float32], frequency: NDArray[np.float64], side: float
 ) -> tuple[NDArray[np.complex64], NDArray[np.float64], NDArray[np.float64]]:
-    """The wave of `frequency` (y, x), in cycles per pixel, in each block, and the blocks' middles in y and in x.
+    """Returns the wave of `frequency` (y, x), in cycles per pixel, in each block, and the blocks' middles in y and in
+    x.
 
-    Phases are those of the wave at the picture's middle.
+    Phases refer to the wave at the picture's middle.
     """
     (over_y, y), (over_x, x) = (
         _make_windows(count, cycles, side) for count, cycles in zip(signal.shape, frequency, strict=True)
@@ -66,7 +68,7 @@ def _find_phasors(
 
 
 def _make_windows(count: int, cycles: float, side: float) -> tuple[csr_array, NDArray[np.float64]]:
-    """Hann windows times a wave, `(blocks, count)`, and the windows' middles."""
+    """Returns Hann windows times a wave, `(blocks, count)`, and the windows' middles."""
     middle = (count - 1) / 2
     blocks = max(int(2 * count / side) - 1, 1)
     middles = middle + (np.arange(blocks) - (blocks - 1) / 2) * side / 2

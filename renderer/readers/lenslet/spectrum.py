@@ -1,4 +1,4 @@
-"""A first estimate of a lens grid: the spots that its period makes in the Fourier transform."""
+"""Makes a first estimate of a lens grid from the spots that its period produces in the Fourier transform."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MOST_SIDE = 2048
-"""Pixels along a side of the part in the middle of a picture that is transformed."""
+"""The most pixels along a side of the part in the middle of a picture that is transformed."""
 LEAST_LENSES = 8
-"""Along each side of the part that is transformed: with fewer the spots don't stand apart."""
+"""The least lenses along each side of the part that is transformed: with fewer, the spots don't stand apart."""
 _PEAKS = 400  # the scene's texture makes peaks too
 _BACKGROUND = 31  # bins: a texture's spectrum is smooth over them, a spot is 3 bins wide
-_CEILING = 8.0  # of one spot, because a grid has all of them
-_FLOOR = 1e-5  # of the highest power: in clean pictures rounding, which has the period of pitch and pixels, is below
-_NOISE, _SAME = 2.0, 0.75  # contrast where there is no grid; share of a grid's own that others may have
+_CEILING = 8.0  # the most that one spot counts, because a grid has all of them
+_FLOOR = 1e-5  # of the highest power: rounding in clean pictures, which has the period of pitch and pixels, is below
+_NOISE, _SAME = 2.0, 0.75  # contrast without a grid; share of a grid's own contrast that others may have
 _H = 2 / 3**0.5
 SPOTS: dict[Shape, NDArray[np.float64]] = {
     "square": np.array([(0, 1), (1, 0), (1, 1), (1, -1), (2, 0), (0, 2)], np.float64),
@@ -31,7 +31,7 @@ SPOTS: dict[Shape, NDArray[np.float64]] = {
         [(_H / 2, 1), (-_H / 2, 1), (_H, 0), (0, 2), (1.5 * _H, 1), (-1.5 * _H, 1), (2 * _H, 0), (_H, 2), (-_H, 2)]
     ),
 }
-"""Frequencies across the rows and along them, in cycles per pitch, of each shape's strongest spots."""
+"""Frequencies across and along the rows, in cycles per pitch, of the strongest spots of each shape."""
 FIRST = {"square": 2, "hexagonal": 3}
 """How many of `SPOTS` are the first ring."""
 SYMMETRY = {"square": 90.0, "hexagonal": 60.0}
@@ -43,7 +43,7 @@ class Estimate:
     """A grid's pitch and rotation, without its offset."""
 
     contrast: float
-    """Mean over the spots of the log of their power over that around them."""
+    """Mean over the spots of the log of their power relative to that around them."""
     pitch: float
     rotation: float
     shape: Shape
@@ -52,9 +52,9 @@ class Estimate:
 def estimate_grids(
     signal: NDArray[np.float32], shapes: tuple[Shape, ...], *, pitch: float | None, rotation: float | None
 ) -> dict[Shape, Estimate]:
-    """The grid of each shape with the highest contrast in `signal`, `(H, W)`; a given pitch or rotation is kept.
+    """Finds the grid of each shape with the highest contrast in `signal`, `(H, W)`; a given pitch or rotation is kept.
 
-    A shape is left out where no peak of the spectrum can be its own.
+    A shape is left out if no peak of the spectrum can be its own.
     """
     height, width = (min(side, MOST_SIDE) for side in signal.shape)
     top, left = (signal.shape[0] - height) // 2, (signal.shape[1] - width) // 2
@@ -70,7 +70,7 @@ def estimate_grids(
         for of_pitch, turned, shape in _interpret(frequency, shapes):
             size = of_pitch if pitch is None else pitch
             angle = turned if rotation is None else rotation
-            is_given = abs(of_pitch / size - 1) < 0.05 and abs(turned - angle) < 3  # a spot of the grid that was given
+            is_given = abs(of_pitch / size - 1) < 0.05 and abs(turned - angle) < 3  # a spot of the given grid
             if not is_given or not LEAST_PITCH <= size <= longest:
                 continue
             estimate = Estimate(_measure_contrast(near, size, angle, shape), size, angle, shape)
@@ -81,7 +81,9 @@ def estimate_grids(
 
 
 def _find_peaks(contrast: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Frequencies (y, x) of the highest local maxima, in cycles per pixel, `(n, 2)`, by parabolas between the bins."""
+    """Returns frequencies (y, x) of the highest local maxima, in cycles per pixel, `(n, 2)`, interpolated by parabolas
+    between bins.
+    """
     inner = contrast[1:-1, 1:-1]
     is_peak = inner == ndimage.maximum_filter(contrast, 5)[1:-1, 1:-1]
     is_peak[:, : inner.shape[1] // 2 - 1] = False  # the other half mirrors this one
@@ -99,7 +101,7 @@ def _find_peaks(contrast: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 def _interpret(frequency: NDArray[np.float64], shapes: tuple[Shape, ...]) -> Iterator[tuple[float, float, Shape]]:
-    """The pitch, the rotation and the shape of the grids that have `frequency` in their first ring of spots."""
+    """Yields the pitch, the rotation and the shape of the grids that have `frequency` in their first ring of spots."""
     for shape in shapes:
         spot, period = SPOTS[shape][0], SYMMETRY[shape]
         angle = np.rad2deg(np.arctan2(*frequency) - np.arctan2(*spot))
@@ -108,9 +110,10 @@ def _interpret(frequency: NDArray[np.float64], shapes: tuple[Shape, ...]) -> Ite
 
 
 def _rule_out_harmonics(near: NDArray[np.float32], estimate: Estimate, longest: float) -> Estimate:
-    """The estimate with the longest pitch, two or three times the first one again and again, of nearly its contrast.
+    """Returns the estimate with the longest pitch that has nearly the same contrast, trying two and three times the
+    pitch repeatedly.
 
-    All spots of half a pitch are spots of the pitch too; of twice the pitch half are missing.
+    All spots of half a pitch are also spots of the pitch; for twice the pitch, half of the spots are missing.
     """
     for times in (2, 3):
         pitch = times * estimate.pitch
@@ -121,7 +124,9 @@ def _rule_out_harmonics(near: NDArray[np.float32], estimate: Estimate, longest: 
 
 
 def _measure_contrast(near: NDArray[np.float32], pitch: float, rotation: float, shape: Shape) -> float:
-    """The mean contrast of the grid's spots; the lowest where one of the first ring lies outside the spectrum."""
+    """Returns the mean contrast of the grid's spots, or the lowest value if a spot of the first ring lies outside the
+    spectrum.
+    """
     size = np.array(near.shape)
     bins = np.rint(SPOTS[shape] @ make_axes(rotation) / pitch * size).astype(int) + size // 2
     is_inside = ((bins >= 0) & (bins < size)).all(axis=1)

@@ -1,12 +1,12 @@
 r"""The sections of Lytro's containers, `.lfp` (F01) and `.lfr` (Illum).
 
-Each begins with `\x89LF`, one of P, M and C, `\r\n\x1a\n`, a version in 4 bytes and its size in 4, big-endian; where
-that isn't 0, its name `sha1-...` in 45 bytes, 35 zeros and the data follow, then zeros up to the next one. M is the
-table of contents, JSON that refers to sections C by their names (LFReadLFP.m of the Light Field Toolbox 0.5, and
+Each section begins with `\x89LF`, one of P, M and C, `\r\n\x1a\n`, a version in 4 bytes and its size in 4, big-endian.
+If the size isn't 0, its name `sha1-...` in 45 bytes, 35 zeros and the data follow, then zeros up to the next section. M
+is the table of contents: JSON that refers to sections C by their names (LFReadLFP.m of the Light Field Toolbox 0.5, and
 imageio's plugin `lytro`).
 
-imageio is not used: it wants 3 sections in a `.lfp`, whose table is followed by 5 zeros, and 11 in a `.lfr`, believes
-sizes, and takes 600 MB to unpack a picture of 52 MB.
+imageio is not used, because it expects 3 sections in a `.lfp`, whose table is followed by 5 zeros, and 11 in a `.lfr`,
+trusts sizes, and takes 600 MB to unpack a picture of 52 MB.
 """
 
 from __future__ import annotations
@@ -25,14 +25,16 @@ _MOST_SECTIONS = 256
 
 
 def read_frame(data: bytes, name: str) -> tuple[memoryview, dict[str, Any]]:
-    """The first frame's packed pixels, and its metadata. Raises `Unreadable`, `UnsupportedType` without a raw frame."""
+    """Returns the first frame's packed pixels, and its metadata. Raises `Unreadable`, and `UnsupportedType` if there is
+    no raw frame.
+    """
     table, sections = _find_sections(data, name)
     picture = table.get("picture")
     frames = picture.get("frameArray") if isinstance(picture, dict) else table.get("frames")
     frame = frames[0].get("frame") if isinstance(frames, list) and frames and isinstance(frames[0], dict) else None
     refs = [frame.get(key) if isinstance(frame, dict) else None for key in ("imageRef", "metadataRef")]
     if not all(isinstance(ref, str) for ref in refs):
-        raise UnsupportedType(f"{name}: holds no raw picture, but what Lytro's software made of one; give the raw one")
+        raise UnsupportedType(f"{name}: holds no raw picture, only one processed by Lytro's software; give the raw one")
     if not all(ref in sections for ref in refs):
         raise Unreadable(f"{name}: the raw picture or its metadata is missing; give the whole file")
     image, metadata = (sections[str(ref)] for ref in refs)
@@ -67,5 +69,5 @@ def _parse_json(section: memoryview, name: str) -> dict[str, Any]:
     except (ValueError, RecursionError):
         parsed = None
     if not isinstance(parsed, dict):
-        raise Unreadable(f"{name}: a section is no JSON object of at most {_MOST_JSON:,} bytes; give the file again")
+        raise Unreadable(f"{name}: a section is not a JSON object of at most {_MOST_JSON:,} bytes; give the file again")
     return parsed

@@ -1,6 +1,7 @@
-"""What Lytro's metadata say of a picture: its size and packing, its colours, and the lens array.
+"""Reads Lytro's metadata of a picture: its size and packing, its colours, and the lens array.
 
-Names and values as in the metadata of an F01's and an Illum's file that imageio's tests list (`tests/test_lytro.py`).
+Names and values are as in the metadata of an F01's and an Illum's file that imageio's tests list
+(`tests/test_lytro.py`).
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from ciir.renderer.readers.lytro.container import SIGNATURE, read_frame
 from ciir.renderer.readers.registry import find_by_signature
 
 CELL = ("r", "gr", "gb", "b")
-"""Colours of two rows of two pixels."""
+"""The colours of two rows of two pixels."""
 _SHAPES: dict[str, KnownShape] = {
     "squareUniform": "square",
     "hexUniformRowMajor": "hexagonal",
@@ -27,12 +28,12 @@ _SHAPES: dict[str, KnownShape] = {
 
 @dataclass(frozen=True)
 class Sensor:
-    """How pixels are stored, and what colours they mean. Lists of four are in the order of `CELL`."""
+    """How pixels are stored, and which colours they mean. Lists of four are in the order of `CELL`."""
 
     height: int
     width: int
     bits: int
-    """12, big-endian, of the F01; 10, little-endian, of the Illum."""
+    """12, big-endian, for the F01; 10, little-endian, for the Illum."""
     first: str
     """The colour of the upper left pixel."""
     black: tuple[float, ...]
@@ -41,35 +42,35 @@ class Sensor:
     to_srgb: tuple[float, ...] = tuple(np.eye(3).ravel())
     gamma: float = 1 / 2.4
     orientation: int = 1
-    """As in Exif."""
+    """The orientation as in Exif."""
 
 
 ILLUM = Sensor(5368, 7728, 10, "gr", (64.0,) * 4, (1023.0,) * 4)
 F01 = Sensor(3280, 3280, 12, "b", (168.0,) * 4, (4095.0,) * 4)
 RAW_SENSORS = {sensor.height * sensor.width * sensor.bits // 8: sensor for sensor in (ILLUM, F01)}
-"""By the bytes of a `.raw` file."""
+"""Sensors by the size of a `.raw` file in bytes."""
 
 
 class Fields:
-    """Values of nested JSON objects by paths such as `image.width`, checked for their type."""
+    """Values in nested JSON objects, found by paths such as `image.width` and checked for their type."""
 
     def __init__(self, metadata: dict[str, Any], name: str) -> None:
         self._metadata, self._name = metadata, name
 
     def find(self, path: str) -> Any:
-        """The value; None where there is none."""
+        """Returns the value, or None if there is none."""
         value: Any = self._metadata
         for key in path.split("."):
             value = value.get(key) if isinstance(value, dict) else None
         return value
 
     def text(self, path: str) -> str:
-        """Empty where there is no string."""
+        """Returns the string, or an empty one if there is none."""
         value = self.find(path)
         return value if isinstance(value, str) else ""
 
     def number(self, path: str, default: float | None = None) -> float:
-        """Raises `Unreadable` where there is no finite number and no `default`."""
+        """Returns the number. Raises `Unreadable` if there is no finite number and no `default`."""
         value = self.find(path)
         value = default if value is None else value
         if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e9:
@@ -77,19 +78,21 @@ class Fields:
         return float(value)
 
     def colours(self, path: str, default: float | None = None) -> tuple[float, ...]:
-        """A number for each colour of `CELL`."""
+        """Returns a number for each colour of `CELL`."""
         return tuple(self.number(f"{path}.{colour}", default) for colour in CELL)
 
 
 def read_sensor(metadata: dict[str, Any], name: str) -> Sensor:
-    """Raises `Unreadable` where something is missing, `UnsupportedType` for a packing that is none of the two."""
+    """Reads the sensor. Raises `Unreadable` if something is missing, and `UnsupportedType` if the packing is neither of
+    the two.
+    """
     fields = Fields(metadata, name)
     details = "image.rawDetails" if fields.find("image.rawDetails") is not None else "image"
     bits, first = fields.number(f"{details}.pixelPacking.bitsPerPixel"), fields.text(f"{details}.mosaic.upperLeftPixel")
     order = fields.text(f"{details}.pixelPacking.endianness")
     if (bits, order) not in {(12, "big"), (10, "little")} or first not in CELL:
         raise UnsupportedType(
-            f"{name}: its pixels are packed as no Lytro F01's or Illum's; give a file of one of these cameras"
+            f"{name}: its pixels aren't packed like a Lytro F01's or Illum's; give a file of one of these cameras"
         )
     black = fields.colours(f"{details}.pixelFormat.black")
     white = fields.colours(f"{details}.pixelFormat.white")
@@ -118,13 +121,15 @@ class Camera:
     """The lens array of a camera, as its metadata describes it."""
 
     known: Known
-    """What is kept when its grid is found in the picture."""
+    """The part that is kept when the grid is found in the picture."""
     grid: LensGrid | None = None
-    """The whole of it, less exact; of the transposed picture where the lenses have columns."""
+    """The whole grid, less exact; that of the transposed picture if the lenses have columns."""
 
 
 def find_camera(data: bytes, name: str) -> Camera | None:
-    """Of a Lytro's file `data`; None for another picture. Raises `Unreadable` for other metadata than a Lytro's."""
+    """Returns the camera of a Lytro file `data`, or None for another picture. Raises `Unreadable` if its metadata
+    aren't Lytro's.
+    """
     if data.startswith(SIGNATURE):
         return read_camera(read_frame(data, name)[1], name)
     is_raw = len(data) in RAW_SENSORS and not find_by_signature(data)
@@ -132,15 +137,15 @@ def find_camera(data: bytes, name: str) -> Camera | None:
 
 
 def read_camera(metadata: dict[str, Any], name: str) -> Camera:
-    """The lens array of a picture.
+    """Reads the lens array of a picture.
 
     The pitch is that of the lenses as the exit pupil casts them on the sensor; the origin lies in the picture's middle
-    (UAM.Optics.LightField.Lytro's `MicroLensCollection`). Raises `Unreadable` where no lens array is described.
+    (UAM.Optics.LightField.Lytro's `MicroLensCollection`). Raises `Unreadable` if no lens array is described.
     """
     fields = Fields(metadata, name)
     shape = _SHAPES.get(fields.text("devices.mla.tiling"))
     if shape is None:
-        raise Unreadable(f"{name}: its metadata describe no lens array that is known; give lens_pitch auto")
+        raise Unreadable(f"{name}: its metadata describe no known lens array; give lens_pitch auto")
     pixel = fields.number("devices.sensor.pixelPitch") or math.inf
     pupil = fields.number("devices.lens.exitPupilOffset.z", 0.0) or math.inf
     cast = 1 + fields.number("devices.mla.sensorOffset.z", 0.0) / pupil
@@ -163,7 +168,7 @@ def read_camera(metadata: dict[str, Any], name: str) -> Camera:
 
 
 def _turn(known: Known, grid: LensGrid, size: tuple[float, float], orientation: int) -> Camera:
-    """The lens array as `pictures.decode` turns a picture of `size`: transposed, then with its axes reversed."""
+    """Turns the lens array as `pictures.decode` turns a picture of `size`: transposes it, then reverses its axes."""
     shape = known.shape
     if orientation in (5, 6, 7, 8):
         others: dict[KnownShape | None, KnownShape] = {

@@ -1,4 +1,6 @@
-"""Develops the raw picture of a Lytro camera: unpacked, demosaiced, with its white balance, colours and gamma."""
+"""Develops the raw picture of a Lytro camera: unpacks and demosaics it, and applies its white balance, colours and
+gamma.
+"""
 
 from __future__ import annotations
 
@@ -18,23 +20,23 @@ if TYPE_CHECKING:
 
     from ciir.renderer.readers.pictures import Pixels
 
-_ROWS = 128  # that are developed at a time
+_ROWS = 128  # developed at a time
 
 
 def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
-    """A `.lfp` or `.lfr` file: RGB of 16 bit, and its orientation."""
+    """Decodes a `.lfp` or `.lfr` file to RGB of 16 bit, and its orientation."""
     packed, metadata = read_frame(data, name)
     sensor = read_sensor(metadata, name)
     return develop(packed, sensor, name, check_size), sensor.orientation
 
 
 def decode_raw(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
-    """A `.raw` file, the pixels alone, with the levels of its camera and the colours of the sensor."""
+    """Decodes a `.raw` file, which holds only pixels, with the levels of its camera and the colours of the sensor."""
     return develop(memoryview(data), RAW_SENSORS[len(data)], name, check_size), 1
 
 
 def develop(packed: memoryview, sensor: Sensor, name: str, check_size: Callable[[int, int], None]) -> Pixels:
-    """RGB of 16 bit, `(H, W, 3)`, of the sensor's mosaic by bilinear interpolation."""
+    """Returns the sensor's mosaic as RGB of 16 bit, `(H, W, 3)`, by bilinear interpolation."""
     height, width = sensor.height, sensor.width
     check_size(height, width)
     if height % 2 or width % 4:
@@ -69,12 +71,15 @@ def develop(packed: memoryview, sensor: Sensor, name: str, check_size: Callable[
     return developed
 
 
-_SPARSE = np.outer([0.5, 1, 0.5], [0.5, 1, 0.5]).astype(np.float32)  # red, blue: one pixel of four
-_DENSE = np.array([[0, 0.25, 0], [0.25, 1, 0.25], [0, 0.25, 0]], np.float32)  # green: two of four
+_SPARSE = np.outer([0.5, 1, 0.5], [0.5, 1, 0.5]).astype(np.float32)  # red and blue: one pixel in four
+_DENSE = np.array([[0, 0.25, 0], [0.25, 1, 0.25], [0, 0.25, 0]], np.float32)  # green: two in four
 
 
 def unpack(packed: memoryview, sensor: Sensor) -> NDArray[np.uint16]:
-    """The mosaic, `(H, W)`: two pixels of 12 bit in three bytes, or four of 10 bit in five, the last with low bits."""
+    """Returns the mosaic, `(H, W)`.
+
+    Two pixels of 12 bit are packed in three bytes, or four of 10 bit in five, the last of which has their low bits.
+    """
     shape = sensor.height, sensor.width
     data = np.frombuffer(packed, np.uint8, shape[0] * shape[1] * sensor.bits // 8)
     mosaic = np.empty(shape[0] * shape[1], np.uint16)

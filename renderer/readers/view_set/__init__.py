@@ -1,1 +1,1 @@
-"""Sets of pictures, one for each view: the grid by their names, and views decoded when they are first used."""
+"""Sets of pictures, one for each view: their names give the grid, and each view is decoded when it is first used."""

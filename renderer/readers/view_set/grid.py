@@ -1,4 +1,4 @@
-"""Finds the grid that views fill by the numbers in their names."""
+"""Finds the grid that views fill from the numbers in their names."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 ROW_LABELS = frozenset({"row", "r", "v", "y", "t"})
 COLUMN_LABELS = frozenset({"column", "col", "c", "u", "x", "s"})
-"""What letters before a number say that it counts."""
+"""Letters before a number that show what it counts."""
 MOST_LEFT_OUT = 3
-"""Pictures with names of another kind that are left out of a set; more of them are a set of their own."""
+"""The most pictures with names of another kind that are left out of a set; more than these are a set of their own."""
 _SEPARATOR = re.compile(r"[-_.,x /]")
 
 
@@ -34,14 +34,14 @@ class Grid:
 
     files: tuple[tuple[str, ...], ...]
     naming: str = ""
-    """What was taken as row and column, for a note; empty where there was nothing to decide."""
+    """The parts of the names that were taken as row and column, for a note; empty if there was nothing to decide."""
     transposed_naming: str = ""
-    """The same where rows and columns are exchanged."""
+    """The same with rows and columns exchanged."""
     depth_sense: DepthSense = "cameras"
     left_out: tuple[str, ...] = ()
     """Pictures whose names are unlike those of the views."""
     is_filled: bool = False
-    """Whether the names have one number, or none, so that they may as well be one row of views."""
+    """Whether the names have one number or none, so that they may also be one row of views."""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -52,7 +52,7 @@ class Grid:
 @dataclass(frozen=True)
 class _Wish:
     name: str
-    """The set's, for messages."""
+    """The name of the set in messages."""
     shape: tuple[int, int] | None
     first: Literal["row", "column"] | None
 
@@ -64,18 +64,18 @@ def find_grids(
     shape: tuple[int, int] | None = None,
     first: Literal["row", "column"] | None = None,
 ) -> list[Grid]:
-    """The grids that pictures named `files`, in natural order, may fill; the most probable first.
+    """Finds the grids that pictures named `files`, in natural order, may fill; the most probable first.
 
-    - Two of the numbers in the names, whichever make a full grid, are row and column: `view_VV_UU`, `NAME_R_C`,
-      `out_RR_CC_Y_X` (Stanford, http://lightfield.stanford.edu), counted from 0, 1 or later, with any other numbers
-      around them. The first one is the row, but where `first` or letters before both numbers (`x3_y4`) say otherwise,
-      or where only the other way fits `shape`, the rows and columns of views.
-    - One number, or none, fills `shape`, or a square, row by row (`input_CamNNN`, HCI 4D Light Field Benchmark); column
-      by column where `first` is `column`. Where that leaves open how many rows there are, there are several grids.
+    - Two of the numbers in the names are row and column, whichever make a full grid: `view_VV_UU`, `NAME_R_C`,
+      `out_RR_CC_Y_X` (Stanford, http://lightfield.stanford.edu). They are counted from 0, 1 or later, with any other
+      numbers around them. The first one is the row, unless `first` or letters before both numbers (`x3_y4`) state
+      otherwise, or only the other way fits `shape`, the rows and columns of views.
+    - One number, or none, fills `shape`, or a square, row by row (`input_CamNNN`, HCI 4D Light Field Benchmark), or
+      column by column if `first` is `column`. If that leaves the number of rows open, there are several grids.
 
     A few pictures with other names are left out of a set that is full without them.
 
-    Raises `InvalidOption` where views are missing, where names are of several kinds, or where `shape` doesn't fit.
+    Raises `InvalidOption` if views are missing, if names are of several kinds, or if `shape` doesn't fit.
     """
     wish = _Wish(name, shape, first)
     if len(files) == 1 and shape in (None, (1, 1)):
@@ -101,9 +101,9 @@ def find_grids(
 
 
 def _pair_with_constant(names: NumberedNames, wish: _Wish) -> list[tuple[int, int]]:
-    """Where one number varies, and the constant one beside it is its row or column: that pair.
+    """Returns the only number that varies paired with a constant one next to it, if that is its row or column.
 
-    A larger constant than there are pictures is taken for a scene's number.
+    A constant larger than the number of pictures is taken for a scene's number.
     """
     (slot,) = names.varying
     if wish.shape is not None and 1 not in wish.shape:
@@ -118,7 +118,9 @@ def _pair_with_constant(names: NumberedNames, wish: _Wish) -> list[tuple[int, in
 
 
 def _select_pair(names: NumberedNames, full: Sequence[tuple[int, int]], wish: _Wish) -> tuple[int, int]:
-    """The numbers that are row and column: of pairs that make a full grid the one counted by ones, and from 0 or 1."""
+    """Selects the numbers that are row and column: among pairs that make a full grid, the one counted by ones and from
+    0 or 1.
+    """
 
     def rank(pair: tuple[int, int]) -> tuple[bool, bool]:
         values = [names.values(slot) for slot in pair]
@@ -129,7 +131,7 @@ def _select_pair(names: NumberedNames, full: Sequence[tuple[int, int]], wish: _W
 
 
 def _is_full(one: Sequence[int], other: Sequence[int]) -> bool:
-    """Whether each of the values of `one` meets each of those of `other` once, and both are evenly spaced."""
+    """Returns whether each value of `one` meets each of `other` once, and both are evenly spaced."""
     count = len(set(one)) * len(set(other))
     return count == len(one) == len(set(zip(one, other, strict=True))) and all(map(find_step, (one, other)))
 
@@ -162,7 +164,7 @@ def _make_grid(names: NumberedNames, row: int, column: int) -> Grid:
 
     def describe(first: str, second: str) -> str:
         low, high = (rows[0], columns[-1]) if row < column else (columns[-1], rows[0])
-        return f"of {shown} {low} is the {first} and {high} the {second}{part}"
+        return f"in {shown} {low} is the {first} and {high} the {second}{part}"
 
     namings = [describe(*words) for words in (("row", "column"), ("column", "row"))]
     naming, transposed_naming = namings if row < column else namings[::-1]
@@ -172,24 +174,24 @@ def _make_grid(names: NumberedNames, row: int, column: int) -> Grid:
 
 
 def _shorten(file: str, files: Sequence[str]) -> str:
-    """The path of `file` without the folders that all of `files` are in."""
+    """Returns the path of `file` without the folders that all `files` are in."""
     common = posixpath.commonprefix([PurePosixPath(each).parts[:-1] for each in files])
     return clean_text("/".join(PurePosixPath(file).parts[len(common) :]))
 
 
 def _find_depth_sense(row: Sequence[Sequence[str]], positions: Sequence[int]) -> DepthSense:
-    """`lenses` where the positions in the names of a row of cameras, Y and X as in Stanford's, go to the left."""
+    """Returns `lenses` if the positions in the names of a row of cameras, Y and X as in Stanford's, go to the left."""
     return "lenses" if len(positions) > 1 and float(row[0][positions[1]]) > float(row[-1][positions[1]]) else "cameras"
 
 
 def _describe_gap(names: NumberedNames, pairs: Sequence[tuple[int, int]], name: str) -> str:
-    """The message for names of which none of `pairs` makes a full grid."""
+    """Returns the message for names in which none of `pairs` makes a full grid."""
     places = {pair: Counter(zip(*map(names.values, pair), strict=True)) for pair in pairs}
     single = [pair for pair in pairs if max(places[pair].values()) == 1]
     if not single:
         stems = Counter(str(PurePosixPath(file).with_suffix("")) for file in names.files)
         if twice := [stem for stem, count in stems.items() if count > 1]:
-            return f"{name}: {clean_text(twice[0])} is there with two suffixes; give each view once"
+            return f"{name}: {clean_text(twice[0])} occurs with two suffixes; give each view once"
         return (
             f"{name}: no two of the {len(names.varying)} numbers that differ in names such as "
             f"{clean_text(names.files[0])} make a full grid of {len(names.files)} views; give one set of views, or "
@@ -211,8 +213,9 @@ def _describe_gap(names: NumberedNames, pairs: Sequence[tuple[int, int]], name: 
 
 
 def _select_running(names: NumberedNames, pairs: Sequence[tuple[int, int]], wish: _Wish) -> int:
-    """The one number that counts the views. Raises `InvalidOption` where none does without gaps, though one number
-    alone may have some where the shape was given.
+    """Selects the one number that counts the views.
+
+    Raises `InvalidOption` if no number counts them without gaps. A single number may have gaps if the shape was given.
     """
     count = len(names.files)
     for slot in names.varying:
@@ -225,14 +228,14 @@ def _select_running(names: NumberedNames, pairs: Sequence[tuple[int, int]], wish
         before, after = next(pair for pair in pairwise(sorted(names.values(slot))) if pair[1] != pair[0] + 1)
         what = f"two have number {after}" if after == before else f"number {before + 1} is missing"
         raise InvalidOption(
-            f"{wish.name}: of the views named as {clean_text(names.files[0])} {what}; give all of them, or give pixels "
-            "ROWSxCOLUMNS (of views) to take those that are there"
+            f"{wish.name}: of the views named like {clean_text(names.files[0])} {what}; give all of them, or give "
+            "pixels ROWSxCOLUMNS (of views) to take those that are there"
         )
     return slot
 
 
 def _fill(files: Sequence[str], wish: _Wish) -> list[Grid]:
-    """The grids of `wish.shape`, or else of a square, or of any counts, that `files` fill one after another."""
+    """Returns the grids of `wish.shape`, or else of a square, or of any size, that `files` fill one after another."""
     count, shape = len(files), wish.shape
     side = math.isqrt(count)
     if shape is not None and shape[0] * shape[1] != count:
@@ -253,7 +256,7 @@ def _fill(files: Sequence[str], wish: _Wish) -> list[Grid]:
 
 
 def describe_unknown_shape(name: str, count: int) -> str:
-    """The message for `count` pictures that may fill several grids."""
+    """Returns the message for `count` pictures that may fill several grids."""
     return (
         f"{name}: {count} pictures without rows and columns in their names, and not a square number; give pixels "
         "ROWSxCOLUMNS (of views), or name them view_VV_UU.png"
@@ -261,7 +264,7 @@ def describe_unknown_shape(name: str, count: int) -> str:
 
 
 def _wrap(files: Sequence[str], rows: int, cols: int, *, by_column: bool) -> Grid:
-    """The grid that `files` fill row by row, or column by column."""
+    """Returns the grid that `files` fill row by row, or column by column."""
     length = rows if by_column else cols
     lines = [tuple(files[at : at + length]) for at in range(0, len(files), length)]
     end = _shorten(lines[0][-1], files)

@@ -1,4 +1,4 @@
-"""File names by the numbers in them."""
+"""Groups file names by the numbers in them."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 MOST_CHARACTERS = 1024
-"""Of a name, with its folders; numbers in longer ones are not looked at."""
+"""The most characters of a name, including its folders; numbers in longer names are ignored."""
 MOST_NUMBERS = 12
-"""The last numbers of a name, which may differ from file to file; those before them may not."""
+"""How many of the last numbers in a name may differ from file to file; those before them may not."""
 _NUMBER = re.compile(
     r"(?:(?<![0-9a-z])-)?"  # a sign, but not the hyphen of view-3-5
     r"(?:(?<!\.)\d{1,18}\.\d{1,18}|\d{1,18})"  # a fraction, but not that of view.3.5
@@ -24,32 +24,32 @@ _NUMBER = re.compile(
 
 @dataclass(frozen=True)
 class NumberedNames:
-    """Names that differ in their numbers only."""
+    """Names that differ only in their numbers."""
 
     texts: tuple[str, ...]
-    """What stands before each number, in lower case."""
+    """The text before each number, in lower case."""
     files: list[str]
     numbers: list[list[str]]
-    """Those of each file, as they are written."""
+    """The numbers of each file, as they are written."""
 
     @cached_property
     def positions(self) -> list[int]:
-        """Which of the numbers have a fraction in some file."""
+        """The numbers that have a fraction in some file."""
         return [slot for slot in range(len(self.texts)) if any("." in numbers[slot] for numbers in self.numbers)]
 
     @cached_property
     def varying(self) -> list[int]:
-        """Which of the numbers without a fraction differ from file to file."""
+        """The numbers without a fraction that differ from file to file."""
         whole = [slot for slot in range(len(self.texts)) if slot not in self.positions]
         return [slot for slot in whole if len(set(self.values(slot))) > 1]
 
     def values(self, slot: int) -> list[int]:
-        """A number without a fraction, of each file."""
+        """Returns the values of one number without a fraction, for each file."""
         return [int(numbers[slot]) for numbers in self.numbers]
 
 
 def group_by_kind(files: Sequence[str]) -> list[NumberedNames]:
-    """The names, those together that differ in their numbers only."""
+    """Groups the names that differ only in their numbers."""
     kinds: dict[tuple[str, ...], NumberedNames] = {}
     for file in files:
         stem = str(PurePosixPath(file).with_suffix("")).lower().rstrip("_")
@@ -64,6 +64,8 @@ def group_by_kind(files: Sequence[str]) -> list[NumberedNames]:
 
 
 def find_step(values: Sequence[int]) -> int:
-    """The difference between each value and the next larger one: 1 for a single value, 0 where it varies."""
+    """Returns the difference between each value and the next larger one: 1 for a single value, 0 if the difference
+    varies.
+    """
     steps = {after - before for before, after in pairwise(sorted(set(values)))}
     return 0 if len(steps) > 1 else next(iter(steps), 1)

@@ -1,4 +1,4 @@
-"""Puts views in the order that was asked for, or that the pictures show."""
+"""Puts views into the order that was asked for, or that the pictures show."""
 
 from __future__ import annotations
 
@@ -20,26 +20,28 @@ Views = TypeVar("Views", LightField, ViewFiles)
 
 
 def is_automatic(layout: Layout) -> bool:
-    """Whether the pictures may decide the order: nothing was asked for."""
+    """Returns whether the pictures may decide the order, because nothing was asked for."""
     return layout.order == "auto" and layout.flip == "none" and not layout.transpose
 
 
 ASKED = ("given", "rows", "columns", "serpentine")
-"""Orders that the pictures don't change."""
+"""Orders that the pictures can't change."""
 
 
 def unwind(views: Views) -> Views:
-    """The views with every other row reversed, the second one first: as a gantry takes them that moves to and fro."""
+    """Returns the views with every other row reversed, starting with the second: the order in which a gantry that moves
+    to and fro takes them.
+    """
     return _replace_grid(views, reverse_every_other_row(_find_grid(views)))
 
 
 def take_order(views: Views, order: OrderCheck) -> Views:
-    """Views whose first index is the row, or the column where `order` is columns, with rows first, from the left."""
+    """Returns views with rows first, from the left. Their first index is the row, or the column for `order` columns."""
     return views.transpose() if order == "columns" else unwind(views) if order == "serpentine" else views
 
 
 def estimate(views: Views, layout: Layout) -> OrderEstimate:
-    """The order that `views` are in after what `layout` asks for; every other row is put right before that."""
+    """Estimates the order of `views` after the changes that `layout` asks for. Reversed rows are put right before."""
     found = estimate_order(views if isinstance(views, ViewFiles) else views.views)
     if is_automatic(layout):
         return found
@@ -49,9 +51,10 @@ def estimate(views: Views, layout: Layout) -> OrderEstimate:
 
 
 def settle_order(views: Views, layout: Layout, *, corrects: bool = True) -> Views:
-    """The light field in the order that `layout` asks for, with `order` columns transposed. Without any such wish, and
-    where `corrects`, one that is certainly in a wrong order is put right, with a note; else a note names the options
-    that would.
+    """Puts the light field in the order that `layout` asks for; with `order` columns it is transposed.
+
+    If `layout` asks for nothing and `corrects` is set, a light field that is certainly in a wrong order is put right,
+    with a note. Otherwise a note names the options that would do so.
     """
     views = take_order(views, layout.order)
     if layout.order in ASKED:
@@ -65,21 +68,22 @@ def settle_order(views: Views, layout: Layout, *, corrects: bool = True) -> View
 
 
 def reorient(views: Views, layout: Layout) -> Views:
-    """The views transposed and then flipped as `layout` asks for: their files count an axis from the other end than
-    their format does. So the depth sense stays that of the format, or is that of `layout`, and a flip of both axes
-    inverts depth.
+    """Returns the views transposed and then flipped as `layout` asks: their files count an axis from the other end than
+    their format does.
+
+    So the depth sense stays that of the format, or is that of `layout`, and a flip of both axes inverts depth.
     """
     found = (views.transpose() if layout.transpose else views).flip(layout.flip)
     return replace(found, depth_sense=layout.depth_sense or views.depth_sense)
 
 
 def correct(views: Views, found: OrderEstimate) -> Views:
-    """Views in the order `found`, in the right one."""
+    """Puts views that are in the order `found` into the right one."""
     return _replace_grid(views, found.put_right(_find_grid(views)))
 
 
 def _find_grid(views: Views) -> NDArray[Any]:
-    """The views, or their files, by row and column."""
+    """Returns the views, or their files, by row and column."""
     return views.files if isinstance(views, ViewFiles) else views.views
 
 
@@ -88,7 +92,7 @@ def _replace_grid(views: Views, grid: NDArray[Any]) -> Views:
 
 
 def describe_correction(found: OrderEstimate) -> str:
-    """What `correct` does, and why; where one axis is reversed, what else it may be."""
+    """Describes what `correct` does, and why. If one axis is reversed, it also names the alternative."""
     done = {
         "as given": "",
         "reversed along one axis": "rows of views are taken from the bottom up",
@@ -101,8 +105,9 @@ def describe_correction(found: OrderEstimate) -> str:
 
 
 def describe_other_axis(found: OrderEstimate) -> str:
-    """What views may be instead where `correct` reverses the rows: the pictures show that one axis is reversed, and the
-    other reading inverts depth. Empty elsewhere.
+    """Describes what the views may be instead if `correct` reverses the rows; empty otherwise.
+
+    The pictures show that one axis is reversed, and the other reading inverts depth.
     """
     if not found.order.endswith("axis"):
         return ""
@@ -113,8 +118,9 @@ def describe_other_axis(found: OrderEstimate) -> str:
 
 
 def note_asked(views: Views, layout: Layout) -> Views:
-    """The views in the order that `layout` asks for, one of `ASKED`; with a note where the pictures certainly show that
-    it is a wrong one. With `given` they aren't looked at.
+    """Returns the views in the order that `layout` asks for, one of `ASKED`.
+
+    A note is added if the pictures certainly show that it is wrong. With `given` they aren't looked at.
     """
     if layout.order == "given":
         return replace(views, is_ordered=True)
@@ -129,7 +135,7 @@ def note_asked(views: Views, layout: Layout) -> Views:
 
 
 def add_note(views: Views, found: OrderEstimate, layout: Layout) -> Views:
-    """The views as they are; with a note on the options that would put them right, where they may be wrong."""
+    """Returns the views as they are. If they may be wrong, a note names the options that would put them right."""
     if not found.is_likely or str(found) == "as given":
         return replace(views, is_ordered=True)
     verb = "seem to be" if found.is_wrong else "may be"
@@ -148,8 +154,9 @@ def _count_tiles(found: OrderEstimate) -> str:
 
 
 def _name_options(found: OrderEstimate, layout: Layout, axis: Literal["v", "u"] = "v") -> str:
-    """The options that do what `layout` asks for and then put views that are in the order `found` right, by reversing
-    `axis` where one is reversed.
+    """Names the options that do what `layout` asks for and then put right views that are in the order `found`.
+
+    If one axis is reversed, they reverse `axis`.
     """
     axes = [each in layout.flip for each in ("v", "u")] if layout.flip != "none" else [False, False]
     is_transposed = layout.transpose

@@ -44,11 +44,11 @@ SIDE_FILES = frozenset({
     "", ".cfg", ".csv", ".db", ".exr", ".h5", ".hdf5", ".html", ".ini", ".json", ".log", ".mat", ".md", ".npy", ".npz",
     ".pdf", ".pfm", ".ply", ".txt", ".url", ".xml", ".yaml", ".yml",
 })  # fmt: skip
-"""Suffixes of files beside the views that are ignored: notes, calibration, depth, reports."""
+"""Suffixes of files among the views that are ignored: notes, calibration, depth, reports."""
 OWN_NAME = re.compile(r"view_\d+_\d+\.png")
 _FIRST: dict[str, Literal["row", "column"]] = {"rows": "row", "columns": "column"}
 MAX_REPORT = 2**24
-"""Most bytes of a report that is looked at."""
+"""The most bytes of a report that is read."""
 
 
 def read(
@@ -59,17 +59,17 @@ def read(
     limits: Limits = DEFAULT_LIMITS,
     views: str = "all",
 ) -> ViewFiles:
-    """The light field whose views are the pictures in `files` (path in the set to bytes).
+    """Reads the light field whose views are the pictures in `files` (path in the set to bytes).
 
-    Their names give the grid (`view_set.grid.find_grids`), in `layout.pixels` rows and columns where they don't; a note
-    says what was taken as row and column. Hidden files and `SIDE_FILES` are ignored. One picture is a 1x1 light field.
-    The depth sense is that of cameras, but where positions in the names, or the report beside views of our own, say
-    otherwise. Where nothing was asked for, views that are certainly in a wrong order are put right.
+    Their names give the grid (`view_set.grid.find_grids`), or `layout.pixels` its rows and columns if they don't. A
+    note states what was taken as row and column. Hidden files and `SIDE_FILES` are ignored. One picture is a 1x1 light
+    field. The depth sense is that of cameras, unless positions in the names, or the report next to views of our own,
+    state otherwise. If nothing was asked for, views that are certainly in a wrong order are put right.
 
     `views`: those that will be asked for. Only what the order needs is decoded here.
 
-    Raises `InvalidOption` where the grid of views is not full or `layout` doesn't fit the names, `UnsupportedType` for
-    a file that is not a picture, `Unreadable` where pictures are missing, corrupt or differ in size, channels or depth,
+    Raises `InvalidOption` if the grid of views is not full or `layout` doesn't fit the names, `UnsupportedType` for a
+    file that is not a picture, `Unreadable` if pictures are missing, corrupt or differ in size, channels or depth, and
     `TooLarge` over `limits`.
     """
     names = _picture_names(files, name)
@@ -91,7 +91,7 @@ def read(
 
 
 def _note_shape(views: ViewFiles, layout: Layout) -> ViewFiles:
-    """The views with a note where their own order gives other rows and columns than were asked for."""
+    """Returns the views, with a note if their own order gives other rows and columns than were asked for."""
     if layout.pixels in (None, views.files.shape) or not is_automatic(layout):
         return views
     given, found = ("{}x{}".format(*shape) for shape in (layout.pixels, views.files.shape))
@@ -115,17 +115,17 @@ def _make_views(grid: Grid, decoder: Decoder, views: str, own: DepthSense | None
 
 
 def _find_first(views: str, shape: tuple[int, int]) -> View:
-    """The first of the views that are wanted; the centre one where they aren't in a grid of `shape`."""
+    """Returns the first of the wanted views, or the centre one if they aren't in a grid of `shape`."""
     try:
         return center_view(*shape) if views == "all" else parse_views(views, *shape)[0]
-    except InvalidOption:  # it may be transposed
+    except InvalidOption:  # the grid may be transposed
         return center_view(*shape)
 
 
 def _select_by_pictures(
     grids: Sequence[Grid], found: Sequence[ViewFiles], name: str, *, has_shape: bool
 ) -> tuple[Grid, ViewFiles]:
-    """The grid in which the pictures certainly are a light field, else the first, where `has_shape`."""
+    """Returns the grid in which the pictures certainly are a light field, else the first if `has_shape`."""
     for grid, light_field in zip(grids, found, strict=True):
         if estimate_order(light_field).is_certain:
             return grid, light_field
@@ -170,39 +170,37 @@ def _describe_turns(is_serpentine: bool) -> str:
 
 
 def is_side_file(file: str) -> bool:
-    """Whether a file beside views is ignored."""
+    """Returns whether a file among the views is ignored."""
     return is_hidden(file) or PurePosixPath(file).suffix.lower() in SIDE_FILES
 
 
 def _picture_names(files: Mapping[str, bytes], name: str) -> list[str]:
-    """The files that are pictures, in natural order."""
+    """Returns the files that are pictures, in natural order."""
     names = []
     for file in files:
         if is_side_file(file):
             continue
         if not is_picture(file):
-            raise UnsupportedType(
-                f"{name}: {clean_text(file)} is not a picture that is read; convert it or take it out"
-            )
+            raise UnsupportedType(f"{name}: {clean_text(file)} is not a picture that is read; convert it or remove it")
         names.append(file)
     if not names:
-        raise Unreadable(f"{name}: no pictures in it; give a set of views as .png, .jpg or .tif files")
+        raise Unreadable(f"{name}: holds no pictures; give a set of views as .png, .jpg or .tif files")
     return sorted(names, key=_sort_key)
 
 
 def _sort_key(file: str) -> list[tuple[int, str]]:
-    """Numbers by value, the rest by letter: `view_2` before `view_10`."""
+    """Returns numbers by value, the rest by letter: `view_2` before `view_10`."""
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d{1,18})", file.lower())]
 
 
 def _read_own_depth_sense(files: Mapping[str, bytes], names: Sequence[str]) -> DepthSense | None:
-    """The depth sense in the report beside views that we wrote; None where there is none."""
+    """Returns the depth sense in the report next to views that we wrote, or None if there is none."""
     path = PurePosixPath(names[0])
     report = str(path.parent / "report.json")
     if OWN_NAME.fullmatch(path.name) is None or report not in files or len(data := files[report]) > MAX_REPORT:
         return None
     try:
         stated = json.loads(data)["lens_array"]["depth_sense"]
-    except (LookupError, TypeError, ValueError, RecursionError):  # a report of another program
+    except (LookupError, TypeError, ValueError, RecursionError):  # a report from another program
         return None
     return stated if stated in get_args(DepthSense) else None

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class Decoder:
-    """Decodes the pictures of a set, which must all be alike, and keeps those that are not taken yet."""
+    """Decodes the pictures of a set, which must all be alike, and keeps those that have not been taken yet."""
 
     def __init__(self, files: Mapping[str, bytes], name: str, limits: Limits) -> None:
         self._files, self._name, self._limits = files, name, limits
@@ -35,8 +35,10 @@ class Decoder:
         self._kept: dict[str, Pixels] = {}
 
     def decode(self, file: str) -> Pixels:
-        """The picture `(H, W, C)` in `file`. Raises as `pictures.decode`, and `Unreadable` where it differs in size,
-        channels or depth from those decoded before.
+        """Decodes the picture `(H, W, C)` in `file`.
+
+        Raises like `pictures.decode`, and `Unreadable` if the picture differs in size, channels or depth from those
+        decoded before.
         """
         pixels = pictures.decode(self._files[file], name=clean_text(file), max_pixels=self._limits.pixels)
         first, *like = self._first = self._first or (file, pixels.shape, pixels.dtype)
@@ -48,14 +50,16 @@ class Decoder:
         return pixels
 
     def describe_views(self, file: str) -> tuple[tuple[int, ...], np.dtype[np.uint8] | np.dtype[np.uint16]]:
-        """Shape and type of all views; decodes `file` where none was decoded before."""
+        """Returns the shape and type of all views; decodes `file` if none was decoded before."""
         if self._first is None:
             self.keep(file)
         assert self._first is not None  # noqa: S101 - `keep` has set it
         return self._first[1:]
 
     def keep(self, file: str) -> Pixels:
-        """As `decode`; decoded once until it is taken. Raises `TooLarge` where more is kept than `limits.set_bytes`."""
+        """Decodes like `decode`, but only once until the picture is taken. Raises `TooLarge` if more than
+        `limits.set_bytes` is kept.
+        """
         if file not in self._kept:
             pixels = self.decode(file)
             self.check_size(len(self._kept) + 1, pixels)
@@ -63,11 +67,11 @@ class Decoder:
         return self._kept[file]
 
     def take(self, file: str) -> Pixels:
-        """As `decode`, of a picture that is not needed again."""
+        """Decodes like `decode` a picture that is not needed again."""
         return self._kept.pop(file) if file in self._kept else self.decode(file)
 
     def check_size(self, count: int, pixels: Pixels) -> None:
-        """Raises `TooLarge` where `count` pictures like `pixels` are over the limit."""
+        """Raises `TooLarge` if `count` pictures like `pixels` are over the limit."""
         if count * pixels.nbytes > self._limits.set_bytes:
             raise TooLarge(
                 f"{self._name}: {count} views of {_describe(pixels.shape, pixels.dtype)} come to "
@@ -78,9 +82,9 @@ class Decoder:
 
 
 def check_sizes(files: Mapping[str, bytes], views: Sequence[str], name: str) -> None:
-    """Raises `Unreadable` where the headers of `views` state different sizes, before any of them is decoded.
+    """Raises `Unreadable` if the headers of `views` state different sizes, before any of them is decoded.
 
-    Height and width may be exchanged, since a picture may be turned when it is decoded.
+    Height and width may be exchanged, because decoding may turn a picture.
     """
     first = None
     for file in views:
@@ -103,48 +107,48 @@ class ViewFiles:
     files: NDArray[np.object_]
     """The name of each view's file, `(V, U)`."""
     some: str
-    """The file that is decoded for the size of the views."""
+    """The file that is decoded to find the size of the views."""
     notes: tuple[str, ...] = ()
     is_ordered: bool = False
     depth_sense: DepthSense = field(default="cameras", kw_only=True)
 
     @property
     def shape(self) -> tuple[int, int, int, int, int]:
-        """`(V, U, H, W, C)`."""
+        """The shape `(V, U, H, W, C)`."""
         return (*self.files.shape, *self.decoder.describe_views(self.some)[0])
 
     @property
     def dtype(self) -> np.dtype[np.uint8] | np.dtype[np.uint16]:
-        """Of the pixels."""
+        """The type of the pixels."""
         return self.decoder.describe_views(self.some)[1]
 
     def flip(self, axes: Flip) -> ViewFiles:
-        """As `LightField.flip`."""
+        """Flips the views like `LightField.flip`."""
         files, depth_sense = flip_axes(self.files, axes, self.depth_sense)
         return replace(
             self, files=files, depth_sense=depth_sense, is_ordered=self.is_ordered and axes in ("none", "uv")
         )
 
     def transpose(self) -> ViewFiles:
-        """As `LightField.transpose`."""
+        """Transposes the views like `LightField.transpose`."""
         return replace(self, files=self.files.T, is_ordered=False)
 
     def __getitem__(self, view: View) -> Pixels:
-        """View (v, u), `(H, W, C)`, which stays in memory. Raises as `Decoder.keep`."""
+        """Returns view (v, u), `(H, W, C)`, which stays in memory. Raises like `Decoder.keep`."""
         return self.decoder.keep(self.files[view])
 
     def take(self, views: Sequence[View]) -> list[Pixels]:
-        """These views, which are not needed again. Raises as `Decoder.decode`."""
+        """Returns these views, which are not needed again. Raises like `Decoder.decode`."""
         with ThreadPoolExecutor(count_threads()) as pool:
             return list(pool.map(lambda view: self.decoder.take(str(self.files[view])), views))
 
     def is_transparent(self, views: Iterable[View]) -> bool:
-        """Whether there is alpha, and it is not full everywhere in `views`."""
+        """Returns whether there is an alpha channel that is not fully opaque everywhere in `views`."""
         has_alpha = self.shape[4] in (2, 4)
         return has_alpha and not all((self[view][..., -1] == np.iinfo(self.dtype).max).all() for view in views)
 
     def load(self) -> LightField:
-        """All views in memory. Raises as `Decoder.decode`, and `TooLarge` over `limits.set_bytes`."""
+        """Loads all views into memory. Raises like `Decoder.decode`, and `TooLarge` over `limits.set_bytes`."""
         sample = self.decoder.keep(self.some)
         self.decoder.check_size(self.files.size, sample)
         views = np.empty((self.files.size, *sample.shape), sample.dtype)
@@ -163,7 +167,7 @@ class ViewFiles:
 
 
 def count_threads() -> int:
-    """One for each core, at least two: a decoder releases the interpreter."""
+    """Returns one thread for each core, and at least two, because a decoder releases the interpreter."""
     return max(2, count_available_cores())
 
 

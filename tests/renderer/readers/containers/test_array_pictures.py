@@ -205,7 +205,7 @@ def test_a_light_field_comes_first(array, kind):
 def test_which_of_several_is_meant_is_not_guessed(array, kind, other):
     name, save = FILES[kind]
     with pytest.raises(
-        Unreadable, match=rf"^{name}: holds .*eia (60x112x3|3x112x60).*; give .* beside no other pictures"
+        Unreadable, match=rf"^{name}: holds .*eia (60x112x3|3x112x60).*; give .* without other pictures"
     ):
         read(save(eia=array, other=other), name, lenses=LENSES)
 
@@ -295,7 +295,7 @@ def test_matlab_73_without_classes_counts_axes_from_the_other_end(array):
 
 def test_two_variables_of_one_name(array):
     data = save_mat5(eia=array)
-    with pytest.raises(Unreadable, match=r"two variables of one name"):
+    with pytest.raises(Unreadable, match=r"two variables of the same name"):
         read(data + data[128:], "a.mat", lenses=LENSES)
 
 

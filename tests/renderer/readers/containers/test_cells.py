@@ -139,7 +139,7 @@ def test_a_row_or_a_column_is_a_stack_of_views(save, shape):
     np.testing.assert_array_equal(read(data, pixels=(2, 3)).views, VIEWS)
     columns = read(data, pixels=(2, 3), order="columns").views
     np.testing.assert_array_equal(columns, VIEWS.reshape(3, 2, *VIEWS.shape[2:]).swapaxes(0, 1))
-    with pytest.raises(InvalidOption, match=r"a.mat: 6 cells, no square number; give pixels ROWSxCOLUMNS"):
+    with pytest.raises(InvalidOption, match=r"a.mat: 6 cells, which is not a square number; give pixels ROWSxCOLUMNS"):
         read(data)
     with pytest.raises(InvalidOption, match=r"pixels: 5x5 asks for 25 views, but a.mat has 6 cells"):
         read(data, pixels=(5, 5))
@@ -225,7 +225,7 @@ def test_other_cells_beside_an_elemental_image_array_do_not_matter(save, cells):
         (
             list_cells(EIA),
             Unreadable,
-            r"c has only one cell, and an elemental image array must be an array, in no cell",
+            r"c has only one cell, and an elemental image array must be an array outside cells",
         ),
         (
             make_cells(VIEWS > 99),

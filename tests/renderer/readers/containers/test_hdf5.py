@@ -129,7 +129,7 @@ def test_views_one_after_another_are_a_grid(is_matlab):
             file["LF"].attrs["MATLAB_class"] = np.bytes_("uint8")
 
     np.testing.assert_array_equal(read(made(fill), pixels=(2, 3)).views, views.reshape(2, 3, 6, 4, 3))
-    with pytest.raises(InvalidOption, match="a: 6 views, no square number; give pixels"):
+    with pytest.raises(InvalidOption, match="a: 6 views, which is not a square number; give pixels"):
         read(made(fill))
 
 
@@ -145,7 +145,9 @@ def test_several_in_groups_and_links_there():
 
     with pytest.raises(Unreadable, match=r"2 arrays have five axes \(data/LF, scene/LF\); name the light field LF"):
         read(made(fill))
-    with pytest.raises(Unreadable, match=r"holds data, deep, other, data/LF, deep/er; give .* no group or up to two"):
+    with pytest.raises(
+        Unreadable, match=r"holds data, deep, other, data/LF, deep/er; give .* at the top or up to two groups"
+    ):
         read(made(link))
 
 

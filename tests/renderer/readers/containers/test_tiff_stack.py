@@ -54,7 +54,7 @@ def test_a_square_is_a_guess():
     found = read(make(PAGES[:9]))
     np.testing.assert_array_equal(found.view(1, 2), PAGES[5])
     assert "9 pages are taken as 3x3 views, row by row; pixels gives another grid" in found.notes[0]
-    with pytest.raises(InvalidOption, match="12 pages, no square number; give pixels"):
+    with pytest.raises(InvalidOption, match="12 pages, which is not a square number; give pixels"):
         read(make())
 
 

@@ -148,7 +148,7 @@ def test_limits_and_grids(layout, limits, error, message):
 
 
 def test_other_codecs_and_sounds_are_refused():
-    with pytest.raises(UnsupportedType, match="a video by mpeg2video is not read"):
+    with pytest.raises(UnsupportedType, match="the codec mpeg2video is not read"):
         read(make(codec="mpeg2video", pixel_format="yuv420p"))
     file = io.BytesIO()
     with av.open(file, "w", format="matroska") as output:

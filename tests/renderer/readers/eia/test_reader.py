@@ -60,7 +60,7 @@ def test_what_the_text_of_a_png_says_of_its_views(layout):
 def test_a_pickup_that_is_given_wins_with_a_note(written, given, layout):
     field = read_png(EIA, write_text("eia", (5, 7, 60, 60), written), pickup=given, **layout)
     assert np.array_equal(field.eia(pickup=given or written), EIA)
-    note = f"pickup: the file's own text says {written}; it is read as {given}, as was given"
+    note = f"pickup: the file's own text says {written}; it is read as {given}, as given"
     assert field.notes == (() if given in (None, written) else (note,))
 
 
@@ -82,7 +82,8 @@ def test_a_mosaic_is_read_as_what_it_is(layout):
     assert field.depth_sense == "cameras"
     assert field.notes[0] == (
         "arrangement: the picture repeats about every 60x60 pixels, so it is read as a mosaic of 5x7 views, not as an "
-        "elemental image array; arrangement eia reads it as one; a quilt is known by its name, here NAME_qs7x5a1.png"
+        "elemental image array; arrangement eia reads it as one; a quilt is recognised by its name, here "
+        "NAME_qs7x5a1.png"
     )
     sure = read(MOSAIC, arrangement="mosaic", **layout)
     assert np.array_equal(sure.views, VIEWS)
@@ -157,7 +158,7 @@ def test_numbers_that_do_not_fit_are_answered_with_those_that_would(vase):
     text = message(vase, lenses=(51, 49))
     assert text == (
         "lenses: 51x49 does not divide the picture of 450x450 pixels (rows x columns); the nearest that does is 50x50; "
-        "give margins on all four sides as crop TOP,LEFT,BOTTOM,RIGHT: the size alone doesn't tell them; the picture "
+        "give margins on all four sides as crop TOP,LEFT,BOTTOM,RIGHT: the size alone doesn't reveal them; the picture "
         "repeats about every 8x9 pixels, which doesn't divide it as elemental images would (pixels 9x9 or 10x10); "
         f"{RAW}"
     )
@@ -210,7 +211,7 @@ def test_a_picture_that_shows_no_elemental_images_may_be_a_photo():
 def test_margins_are_not_guessed_from_the_size():
     padded = np.pad(EIA, ((11, 4), (7, 9), (0, 0)))
     text = message(padded, pixels=(5, 7))
-    assert "give margins on all four sides as crop TOP,LEFT,BOTTOM,RIGHT: the size alone doesn't tell them" in text
+    assert "give margins on all four sides as crop TOP,LEFT,BOTTOM,RIGHT: the size alone doesn't reveal them" in text
     assert "cut" not in text
 
 
@@ -240,7 +241,7 @@ def test_a_mosaic_is_named_where_its_numbers_are_missing_or_wrong(layout):
     assert "give pixels 5x7" in text
     assert "lens_pitch" not in text
     assert ("arrangement eia and pixels 60x60" in text) is (layout == {})
-    assert ("a quilt is known by its name, here NAME_qs7x5a1.png" in text) is (layout == {})
+    assert ("a quilt is recognised by its name, here NAME_qs7x5a1.png" in text) is (layout == {})
 
 
 def test_a_mosaic_whose_period_does_not_show():
@@ -276,7 +277,7 @@ def test_elemental_images_taken_for_a_mosaic_are_noted(vase):
     (note,) = read(vase, pixels=(9, 9), arrangement="mosaic", order="given").notes
     assert note == (
         "arrangement: read as a mosaic of 9x9 views, but the picture repeats about every 8x9 pixels, as elemental "
-        "images of 9x9 do; arrangement eia reads it so"
+        "images of 9x9 do; arrangement eia reads it that way"
     )
 
 
@@ -291,7 +292,7 @@ def test_a_note_on_a_mosaic_has_the_name_that_a_quilt_needs():
 @pytest.mark.parametrize(
     ("view", "grid", "advice"),
     [
-        ((560, 420), (6, 8), "; a quilt is known by its name, here NAME_qs8x6a0.75.png"),
+        ((560, 420), (6, 8), "; a quilt is recognised by its name, here NAME_qs8x6a0.75.png"),
         ((15, 15), (50, 50), ""),  # elemental images of 50x50 lenses
         ((3, 303), (2, 2), ""),  # wider than a quilt's views may be
         ((2000, 2000), (1001, 2), ""),  # more than a quilt may have

@@ -65,7 +65,9 @@ def test_a_white_picture_without_noise_is_calibrated(pitch, shape):
 
 
 def test_a_white_picture_is_no_remedy_for_a_white_picture(monkeypatch):
-    with pytest.raises(Unreadable, match=r"and each side have at least 8; give lens_pitch, lens_offset, lens_rotation"):
+    with pytest.raises(
+        Unreadable, match=r"and each side must have at least 8; give lens_pitch, lens_offset, lens_rotation"
+    ):
         calibrate(np.full((90, 90, 1), 200, np.uint8), is_white=True)
     monkeypatch.setattr(calibration, "_DISTINCT", 0)
     with pytest.raises(Unreadable, match=r"fit nearly as well; give lens_grid, or a white picture$"):

@@ -111,7 +111,7 @@ def test_files_beside_a_picture_are_no_frames():
 @pytest.mark.parametrize(
     ("pitch", "shape", "noted"),
     [
-        (14.37, "square", "lenses are 14.37 pixels apart, so that views mix"),
+        (14.37, "square", "lenses are 14.37 pixels apart, so views mix"),
         (15.0, "hexagonal", "lenses are 15.00 pixels apart in a hexagonal grid"),
         (15.0, "square", None),
     ],

@@ -165,15 +165,19 @@ def put(path, value):
         (put("image.height", 4_000), Unreadable, "4000x440 pixels are cut off after 264,000 bytes"),
         (put("image.height", -2), Unreadable, "-2x440 pixels"),
         (put("image.width", 442), Unreadable, "400x442 pixels don't fill its packing"),
-        (put("image.rawDetails.pixelPacking.bitsPerPixel", 16), UnsupportedType, "packed as no Lytro F01's or Illum's"),
+        (
+            put("image.rawDetails.pixelPacking.bitsPerPixel", 16),
+            UnsupportedType,
+            "packed like a Lytro F01's or Illum's",
+        ),
         (put("image.rawDetails.pixelFormat.white.r", 7), Unreadable, "levels of black and white are exchanged"),
         (
             put("image.rawDetails.pixelPacking.endianness", ["big"]),
             UnsupportedType,
-            "packed as no Lytro F01's or Illum",
+            "packed like a Lytro F01's or Illum",
         ),
-        (put("devices.mla.tiling", ["hexUniformRowMajor"]), Unreadable, "describe no lens array that is known"),
-        (drop("devices.mla.tiling"), Unreadable, "describe no lens array that is known"),
+        (put("devices.mla.tiling", ["hexUniformRowMajor"]), Unreadable, "describe no known lens array"),
+        (drop("devices.mla.tiling"), Unreadable, "describe no known lens array"),
         (put("devices.mla.lensPitch", 1.0), Unreadable, "describe lenses 7.14e\\+05 pixels apart"),
     ],
 )
@@ -188,7 +192,7 @@ def test_containers_that_are_cut_or_developed_are_refused():
         open_file(whole[:100_000])
     with pytest.raises(Unreadable, match="its table of contents is missing"):
         open_file(whole[:16])
-    with pytest.raises(UnsupportedType, match="holds no raw picture, but what Lytro's software made of one"):
+    with pytest.raises(UnsupportedType, match="holds no raw picture, only one processed by Lytro's software"):
         open_file(whole.replace(b"frameArray", b"otherArray"))
     with pytest.raises(Unreadable, match="the raw picture or its metadata is missing"):
         open_file(whole.replace(b'"imageRef": "sha1-', b'"imageRef": "sha2-'))

@@ -83,8 +83,8 @@ def test_a_shape_that_fits_one_way_only_says_which_number_is_the_column():
     (grid,) = find(files, shape=(3, 5))
     assert grid.files[2][4] == "4_2.png"
     assert (grid.naming, grid.transposed_naming) == (
-        "of 4_0.png 4 is the column and 0 the row",
-        "of 4_0.png 4 is the row and 0 the column",
+        "in 4_0.png 4 is the column and 0 the row",
+        "in 4_0.png 4 is the row and 0 the column",
     )
     assert "pixels: 5x4 is not the 5x3 grid" in message(files, shape=(5, 4))
     assert "pixels: 3x5 is not the 5x3 grid" in message(files, shape=(3, 5), first="row")
@@ -104,7 +104,7 @@ def test_a_part_of_a_larger_set_and_every_second_view_are_named():
     (grid,) = find([f"view_{v}_{u}.png" for v in range(6, 9) for u in range(3, 7)])
     assert grid.naming.endswith("from (6, 3), counted from (0, 0) here)")
     (grid,) = find([f"view_{v}_{u}.png" for v in range(0, 9, 2) for u in range(0, 9, 2)])
-    assert grid.naming == "of view_0_8.png 0 is the row and 8 the column (in steps of 2)"
+    assert grid.naming == "in view_0_8.png 0 is the row and 8 the column (in steps of 2)"
 
 
 @pytest.mark.parametrize("first", [0, 1, 7])
@@ -150,7 +150,7 @@ def test_the_first_missing_view_is_named():
 
 def test_a_missing_or_doubled_number_is_named():
     cameras = [f"input_Cam{number:03}.png" for number in (0, 1, 3, 4)]
-    assert "named as input_Cam000.png number 2 is missing; give all" in message(cameras)
+    assert "named like input_Cam000.png number 2 is missing; give all" in message(cameras)
     assert find([f"{number}_at_{7 * number**2}.png" for number in range(4)])[0].shape == (2, 2)
     assert find(cameras, shape=(2, 2))[0].files == (tuple(cameras[:2]), tuple(cameras[2:]))
     assert "two have number 1" in message(["a1.png", "a01.png", "a2.png", "a3.png"])
@@ -159,7 +159,7 @@ def test_a_missing_or_doubled_number_is_named():
 def test_names_that_give_no_grid():
     several = [f"frame_{t}_{v}_{u}.png" for t in range(2) for v in range(3) for u in range(3)]
     doubled = [*several, "frame_0_0_0.jpg"]
-    assert message(doubled) == "set: frame_0_0_0 is there with two suffixes; give each view once"
+    assert message(doubled) == "set: frame_0_0_0 occurs with two suffixes; give each view once"
     assert "no two of the 3 numbers that differ in names such as frame_0_0_0.png make a full grid" in message(several)
     two_sets = [f"{folder}/{v}_{u}.png" for folder in "ab" for v in range(2) for u in range(2)]
     assert "the names are of different kinds (a/0_0.png, b/0_0.png)" in message(two_sets)
@@ -177,5 +177,5 @@ def test_hostile_names():
 
 def test_the_note_names_the_folders_that_tell_views_apart():
     files = [f"set/row{v}/{u}.png" for v in range(3) for u in range(3)]
-    assert find(files)[0].naming == "of row0/2.png 0 is the row and 2 the column"
-    assert "of 0_2.png 0 is" in find([f"set/{v}_{u}.png" for v in range(3) for u in range(3)])[0].naming
+    assert find(files)[0].naming == "in row0/2.png 0 is the row and 2 the column"
+    assert "in 0_2.png 0 is" in find([f"set/{v}_{u}.png" for v in range(3) for u in range(3)])[0].naming

@@ -23,7 +23,7 @@ def read(files, main=None, **layout):
     ("order", "words"),
     [
         ("reversed along one axis", "view_00_04.png 0 is the row and 4 the column, rows counted from the bottom up"),
-        ("transposed", "of view_00_02.png 0 is the column and 2 the row, which fits"),
+        ("transposed", "in view_00_02.png 0 is the column and 2 the row, which fits"),
         ("transposed and reversed along one axis", "0 is the column and 2 the row, rows counted from the bottom up"),
     ],
 )
@@ -32,7 +32,7 @@ def test_views_in_a_wrong_order_are_put_right(order, words):
     files = write_views(put_in(order, views), lambda v, u: f"view_{v:02}_{u:02}.png")
     field = read(files)
     (note,) = field.notes
-    assert note.startswith("order: 3x5 views, rows x columns: of ")
+    assert note.startswith("order: 3x5 views, rows x columns: in ")
     assert words in note
     assert "order given keeps" in note
     assert ("columns counted from right to left fit as well, with depth inverted" in note) == order.endswith("axis")

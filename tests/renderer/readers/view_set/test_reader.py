@@ -57,12 +57,12 @@ def test_without_places_natural_order_fills_the_grid(pixels_v: int, pixels_u: in
 def test_a_note_says_what_was_taken_as_row_and_column() -> None:
     files = {f"{v}_{u}.png": picture(v, u) for v in range(2) for u in range(3)}
     assert read(files).notes == (
-        "views: 2x3, rows x columns: of 0_2.png 0 is the row and 2 the column; order columns takes them the other way",
+        "views: 2x3, rows x columns: in 0_2.png 0 is the row and 2 the column; order columns takes them the other way",
     )
     columns = read_layout(files, order="columns")
     assert np.array_equal(columns.views, read(files).views.swapaxes(0, 1))
     assert columns.notes == (
-        "views: 3x2, rows x columns: of 1_0.png 1 is the column and 0 the row; order rows takes them the other way",
+        "views: 3x2, rows x columns: in 1_0.png 1 is the column and 0 the row; order rows takes them the other way",
     )
 
 
@@ -220,7 +220,7 @@ def test_columns_that_are_named_first_are_found_by_the_pictures() -> None:
     light_field = inputs_read("saii-5x5", "[1-3]_[1-3].png")
     assert light_field.depth_sense == "cameras"
     assert light_field.notes[0].startswith(
-        "order: 3x3 views, rows x columns: of 1_3.png 1 is the column and 3 the row, "
+        "order: 3x3 views, rows x columns: in 1_3.png 1 is the column and 3 the row, "
     )
     decode = pictures.decode
     named = {
