@@ -65,7 +65,7 @@ def test_views_beyond_the_aperture_are_not_upscaled(monkeypatch, model, given, c
 def test_larger_is_nearer_with_both_depth_senses():
     lenses, _, report = run(LENSES, disparity="1.25")
     np.testing.assert_allclose(lenses[0], next(library.refocus(LENSES.views, [-1.25])), atol=1e-3)
-    assert "over 0 lie before the lens array" in report["notes"][0]
+    assert "over 0 lie in front of the lens array" in report["notes"][0]
     cameras, _, report = run(CAMERAS, disparity="1.25")
     np.testing.assert_allclose(cameras[0], next(library.refocus(LENSES.views, [1.25])), atol=1e-3)
     assert report["notes"] == ["written"]

@@ -160,10 +160,10 @@ def test_bad_forms(client, eia):
         client.post(POST, files={"files": ("a.png", eia)}),
         422,
         "files: a file",
-        "only 'file' may be one, name the file so; send several as a zip",
+        "only 'file' may be one, use that name; send several as a zip",
     )
     problem(client.post(POST, files={"lenses": ("a.png", eia)}), 422, "lenses: a file", "send this as a plain field")
-    takes_views = "model: field takes views of a light field, by a reconstruction; for pictures give one of auto, best"
+    takes_views = "model: field takes the views of a light field, in a reconstruction; for pictures give one of auto, best"
     problem(client.post("/v1/upscales", files={"file": ("a.png", eia)}, data={"model": "field"}), 422, takes_views)
     problem(client.post(POST, files={"lenses": (None, "6x9")}), 422, "file: missing")
     problem(client.post(POST, files={"scene": (None, "../vase")}), 422, "scene: no '../vase' here", "vase, globe")
