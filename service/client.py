@@ -103,8 +103,7 @@ class Client(httpx2.Client):
         return self._run("disparity", source, options)
 
     def inspect(self, source: str | Path, **options: object) -> dict[str, Any]:
-        """Sends any file that a reconstruction takes, and returns what it contains, as answered by `POST
-        /v1/inspections`."""
+        """Sends any file that a reconstruction takes, and returns what it contains, as `POST /v1/inspections` does."""
         return messages.read_inspection(self._run("inspection", source, options))
 
     def submit(self, source: str | Path, kind: KindName = "reconstruction", **options: object) -> Job:

@@ -64,8 +64,7 @@ class Result:
         """Writes `content` to a file, or as `name` into a folder: an existing one, or a `path` with a slash at its end.
 
         Missing folders are created. Raises `InvalidOption` for a suffix of another format, and for a place where
-        nothing can
-        be written.
+        nothing can be written.
         """
         is_folder, path = str(path).endswith("/"), Path(path)
         if is_folder or path.is_dir():
@@ -154,8 +153,7 @@ def write_fields(kind: KindName, options: Mapping[str, object]) -> dict[str, str
     """Returns the form fields.
 
     Raises `InvalidOption`, also for an unknown kind and for an option that this kind of job doesn't have, and
-    `Unreadable`
-    for an option's file.
+    `Unreadable` for an option's file.
     """
     _check_kind(kind)
     known = KINDS[kind].options
@@ -169,8 +167,7 @@ def open_source(path: Path) -> tuple[str, str | None, IO[bytes]]:
     """Returns the form's field, the file's name and the content to send. Raises `Unreadable`.
 
     The content is a file, or a folder's files as a zip, with the same bytes for the same files, or the name of a
-    shipped
-    scene.
+    shipped scene.
     """
     from ciir.renderer.readers.bundle import Folder
     from ciir.service.pipeline.limits import read_limits
@@ -249,8 +246,10 @@ def make_connection_error(url: httpx2.URL, error: Exception) -> ConnectionFailed
 
 
 def read_status(response: httpx2.Response) -> dict[str, Any]:
-    """Returns the job's status in a response. Raises `ServiceError` for anything else, like all the following
-    functions."""
+    """Returns the job's status in a response.
+
+    Raises `ServiceError` for anything else, like all the following functions.
+    """
     with _refuse_foreign(response.status_code):
         status: dict[str, Any] = _check(response.json(), dict)
         _check(status["events"], str)

@@ -54,6 +54,5 @@ def find_class(title: str) -> type[errors.Error] | None:
 
 
 def join_lines(text: str) -> str:
-    """Replaces each run of white space in `text` with one space, so that a message is one line whatever file name it
-    contains."""
+    """Replaces each run of white space with one space, so that a message with any file name in it is one line."""
     return " ".join(text.split())

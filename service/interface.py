@@ -47,8 +47,7 @@ class Reconstruction:
 
     views: Mapping[View, Pixels]
     """By (v, u), `(H, W, C)`, uint8 or uint16, in the order they were asked for. The frames for several times or yaws
-    are
-    keyed by (0, number)."""
+    are keyed by (0, number)."""
     report: Report
     """What was read, the lens array, the plan and its reasons, the model, notes, and the time of each stage."""
 
@@ -56,10 +55,8 @@ class Reconstruction:
         """Writes the views with the report.
 
         One view is written as a picture, several into a `.zip`, an `.npz` or a folder. One view at several times or
-        yaws can
-        also be written as a `.mp4`, `.webm`, `.gif` or `.webp`. Raises `InvalidOption` if `path` can't be written or
-        its
-        format can't hold the views.
+        yaws can also be written as a `.mp4`, `.webm`, `.gif` or `.webp`. Raises `InvalidOption` if `path` can't be
+        written or its format can't hold the views.
         """
         from ciir.renderer.writers.views import save_views
 
@@ -75,8 +72,10 @@ class Reconstruction:
         )
 
     def _repr_png_(self) -> bytes:
-        """Returns the first view as a PNG, for Jupyter. Levels from a camera with fewer than 16 bits are scaled to the
-        full range."""
+        """Returns the first view as a PNG, for Jupyter.
+
+        Levels from a camera with fewer than 16 bits are scaled to the full range.
+        """
         views = list(self.views.values())
         return encode_png(raise_levels(views[0], count_unused_camera_bits(*views)))
 
@@ -116,17 +115,15 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     rows and columns of them, or each of `lenses` pixels); or `auto`, which takes a picture as a mosaic only if it
     certainly is one.
     `order`: `auto` corrects a set of views whose names give a wrong order if that is certain, with a note; `given`
-    keeps
-    the order of the names; with `rows` or `columns` the first number in the names is the row or the column; with
+    keeps the order of the names; with `rows` or `columns` the first number in the names is the row or the column; with
     `serpentine` every other row of views, starting with the second, runs from right to left.
     `transpose` swaps rows and columns of views, then `flip` reverses their order in `u`, `v` or `uv`, for files that
     count them from the other end. The depth sense stays, so that `uv` inverts depth. `depth_sense`: `lenses` or
     `cameras`, if the file doesn't say what its views count, or is wrong; their order stays.
     `lens_pitch`: pixels from lens to lens in a raw lenslet picture, or `auto` to find its lens grid in it.
     `lens_offset`: (y, x) of one lens's centre in pixels; `lens_rotation`: the degrees by which rows of lenses go down
-    to
-    the right; `lens_grid`: `square` or `hexagonal`. Each of them is found if it is not given. `white`, `dark`: paths of
-    its white and dark frames. `show_grid`: a PNG to write, with the grid drawn over the picture.
+    to the right; `lens_grid`: `square` or `hexagonal`. Each of them is found if it is not given. `white`, `dark`: paths
+    of its white and dark frames. `show_grid`: a PNG to write, with the grid drawn over the picture.
     `progress(done, total)` counts inputs: it is called with (0, 1) and (1, 1).
 
     Raises `ciir.Error`. A mesh is refused with `InvalidOption`; use `render` for it.
@@ -196,11 +193,9 @@ def render(
     roll in degrees. `zoom`: factor on the size at which every view holds the object. `place`: -1, the default, behind
     the array, 0 centred on it, 1 in front of it. `fit`: `none` for a mesh in the array's own coordinates, such as a
     captured model. `light`: azimuth and elevation in degrees. `ciir.renderer.placement.Placement` describes the last
-    six
-    in detail.
+    six in detail.
     `time`: seconds from the start of a glTF file's animation; `animation`: its name, or its number from 0. `camera`:
-    the
-    name, or the number from 0, of a camera in a glTF file; the centre view shows its picture, with parallel rays.
+    the name, or the number from 0, of a camera in a glTF file; the centre view shows its picture, with parallel rays.
     `progress(done, total)` counts light fields: it is called with (0, 1) and (1, 1).
 
     Returns `(V, U, H, W, 3)` uint8. Raises `ciir.Error`.
@@ -292,8 +287,7 @@ def upscale(
 
 
 def reconstruct(source: Given, *, progress: Progress | None = None, **options: Any) -> Reconstruction:
-    """Runs the main job in memory: makes views of a mesh, an elemental image array or a set of views, and upscales
-    them.
+    """Runs the main job in memory: makes views of a mesh, an EIA or a set of views, and upscales them.
 
     `source`: a file, a folder, a zip, `scene:NAME`, a light field, or the content of a file, as for `open`. `options`
     are those of `ciir reconstruct`:
@@ -302,8 +296,7 @@ def reconstruct(source: Given, *, progress: Progress | None = None, **options: A
     `crop`: (top, left, bottom, right); `scale`; `skip`, `transpose`: bools; `background`: RGB from 0 to 255; `pitch`,
     `delta`, `zoom`, `place`: numbers; `parallax`, `rotate`, `light`: degrees; `up`: `"y"` or `"z"`; `neighbour_time`:
     seconds; `time`: seconds, or several such as `(0, 0.5, 1)` or `"0:2:48"` for one view at each; `animation`,
-    `camera`: a
-    name or a number. Text is parsed as on the command line.
+    `camera`: a name or a number. Text is parsed as on the command line.
     `progress(done, total)` counts views.
 
     Raises `ciir.Error`. Options of output files, such as `fps`, are refused, because no file is written.

@@ -23,8 +23,7 @@ def _add_request_id(record: logging.LogRecord) -> bool:
 
 class _Json(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
-        """Formats an object on one line: `time` (UTC), `level`, `logger`, `request_id`, `message`, the fields,
-        `exception`.
+        """Formats an object: `time` (UTC), `level`, `logger`, `request_id`, `message`, fields, `exception`.
 
         For a message `job %s...` the field `job` is its first argument.
         """

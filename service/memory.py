@@ -17,8 +17,7 @@ def limit_heaps(most: int) -> None:
     """Makes all threads of this process share `most` heaps, because each heap keeps the memory that was freed in it.
 
     By default there are 8 for each core. This has no effect with C libraries other than glibc. Call it while the
-    process
-    has only one thread.
+    process has only one thread.
     """
     libc = ctypes.CDLL(None)
     if hasattr(libc, "mallopt"):

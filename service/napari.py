@@ -37,8 +37,10 @@ def read_layers(path: str) -> list[LayerData]:
 
 
 def make_layer(light_field: LightField, name: str) -> LayerData:
-    """Makes an image layer `(V, U, H, W[, C])` from a light field, with sliders for v and u. Alpha of grey views is
-    left out."""
+    """Makes an image layer `(V, U, H, W[, C])` from a light field, with sliders for v and u.
+
+    Alpha of grey views is left out.
+    """
     views = light_field.views
     is_rgb = views.shape[4] > 2
     metadata = {"depth_sense": light_field.depth_sense, "notes": list(light_field.notes)}
@@ -49,8 +51,10 @@ def make_layer(light_field: LightField, name: str) -> LayerData:
 def open_elemental_images(
     path: Path = Path(), lens_rows: int = 0, lens_columns: int = 0
 ) -> napari.types.LayerDataTuple:
-    """Reads an elemental image array with that many lenses as a layer; with 0, any other light field. Raises
-    `ciir.Error`."""
+    """Reads an elemental image array with that many lenses as a layer; with 0, any other light field.
+
+    Raises `ciir.Error`.
+    """
     lenses = (lens_rows, lens_columns) if lens_rows or lens_columns else None
     return make_layer(open_light_field(path, lenses=lenses), path.stem)
 
@@ -70,8 +74,7 @@ def find_disparity(layer: napari.layers.Image) -> list[napari.types.LayerDataTup
 def make_planes(
     layer: napari.layers.Image, least: float = -1.0, largest: float = 1.0, number: int = 11
 ) -> napari.types.LayerDataTuple:
-    """Makes `number` depth planes of the light field in `layer`, with their own slider, from disparity `least` to
-    `largest`.
+    """Makes `number` depth planes of the light field in `layer`, with a slider, from disparity `least` to `largest`.
 
     The largest is the nearest. The planes are the same at each v and u. Raises `ciir.Error`.
     """

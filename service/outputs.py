@@ -36,8 +36,10 @@ def write_file(
 def write_folder(
     source: Source, options: Options, path: Path, *, given: Path | None = None, progress: Progress | None = None
 ) -> Report:
-    """Writes the views and the report to a folder, but not over `given`, the input. Raises the same errors as
-    `write_file`."""
+    """Writes the views and the report to a folder, but not over `given`, the input.
+
+    Raises the same errors as `write_file`.
+    """
     check_options(options.make_writer_options(), (), "a folder of views")
     with FolderWriter(path, given) as writer:
         return run.reconstruct(source, options, writer, progress=progress)

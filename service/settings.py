@@ -1,5 +1,7 @@
-"""Settings of the service, read from environment variables `CIIR_...`. docs/settings.md is made from their
-docstrings."""
+"""Settings of the service, read from environment variables `CIIR_...`.
+
+docs/settings.md is made from their docstrings.
+"""
 
 from __future__ import annotations
 
@@ -74,8 +76,10 @@ def _parse_hosts(given: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _parse_origins(given: tuple[str, ...]) -> tuple[str, ...]:
-    """Returns the origins as browsers send them: in lower case, without the scheme's usual port. `*` is any, `null`
-    none."""
+    """Returns the origins as browsers send them: in lower case, without the scheme's usual port.
+
+    `*` is any, `null` none.
+    """
     return tuple(origin if origin in ("*", "null") else _parse_origin(origin.lower()) for origin in given)
 
 
@@ -115,14 +119,12 @@ class Settings(BaseSettings):
     `ciir worker` does the jobs."""
     max_waiting: int = _number(256, 1, 1_000_000)
     """Maximum number of waiting jobs in each of the two lanes, for small and for large jobs; further requests are
-    answered
-    with 429 and `Retry-After`."""
+    answered with 429 and `Retry-After`."""
     sync_seconds: float = _number(10.0, 0.0, 3600.0)
     """Seconds that a request waits for its result; after that it is answered with 202 and the job's address."""
     max_connections: int = _number(2000, 1, 1_000_000)
     """Maximum number of open connections, or fewer if the limit on open files is low. The connection that has been idle
-    for
-    longest ends for a new one; while none is idle, new ones are answered with 503."""
+    for longest ends for a new one; while none is idle, new ones are answered with 503."""
     max_streams: int = _number(1000, 1, 1_000_000)
     """Maximum number of open event streams; further ones are answered with 429."""
     max_client_streams: int = _number(100, 1, 1_000_000)
@@ -189,9 +191,8 @@ class Settings(BaseSettings):
     """File that holds `CIIR_API_KEYS`, as Docker and Kubernetes mount secrets."""
     hosts: Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split_list), AfterValidator(_parse_hosts)] = ()
     """Names or addresses, in addition to those of this machine (localhost, 127.0.0.0/8, [::1]), that the `Host` of a
-    request
-    may have, with any port, separated by commas; `*`: any. Default: none if the server listens on loopback, else
-    any."""
+    request may have, with any port, separated by commas; `*`: any. Default: none if the server listens on loopback,
+    else any."""
     cors_origins: Annotated[
         tuple[str, ...], NoDecode, BeforeValidator(_split_list), AfterValidator(_parse_origins)
     ] = ()
@@ -204,8 +205,10 @@ class Settings(BaseSettings):
     /metrics."""
 
     def find_folder(self) -> Path:
-        """Returns the absolute path of the folder for jobs. Raises `InvalidOption` if neither it nor a cache folder is
-        known."""
+        """Returns the absolute path of the folder for jobs.
+
+        Raises `InvalidOption` if neither it nor a cache folder is known.
+        """
         if self.folder is not None:
             return self.folder.absolute()
         cache = cache_folder.folder()

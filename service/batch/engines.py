@@ -86,8 +86,7 @@ def _hold_interrupts() -> Iterator[None]:
     """Raises `KeyboardInterrupt` at the end of the block if Ctrl-C was pressed in it.
 
     Threads and processes started in the block have the signal blocked for good, because Ctrl-C reaches all processes of
-    a
-    terminal.
+    a terminal.
     """
     resource_tracker.ensure_running()  # multiprocessing would start it with the first process and unblock the signal
     came: list[int] = []

@@ -123,9 +123,8 @@ def make_tasks(found: Sequence[Found], pattern: str, *, is_file: bool, all_frame
     """Makes a task for each input. `pattern` gives the name of its output, with `FIELDS` in braces.
 
     `path`: the input's path in the folder or glob in which it was found, without its suffix; `name`: the file's name
-    with
-    its suffix; `stem`: the name without it; `suffix`: the suffix alone, such as `png`; `number`: its place among all
-    inputs, 0001 for the first, which changes when inputs are added. `is_file`: whether the suffix of `pattern` is a
+    with its suffix; `stem`: the name without it; `suffix`: the suffix alone, such as `png`; `number`: its place among
+    all inputs, 0001 for the first, which changes when inputs are added. `is_file`: whether the suffix of `pattern` is a
     format's. `all_frames`: whether the frames of videos are elemental image arrays. Their output is then a video of the
     same type, unless the pattern has a suffix, or `/` at its end.
 

@@ -53,15 +53,13 @@ def open_filesystem(text: str) -> tuple[Any, str]:
 
 
 def locate(text: str) -> str:
-    """Returns the absolute path of a local file or folder given by path or URL, or another URL in its usual
-    spelling."""
+    """Returns the absolute path of a local file or folder given by path or URL; any other URL in its usual spelling."""
     filesystem, path = open_filesystem(text)
     return path if isinstance(filesystem, LocalFileSystem) else str(filesystem.unstrip_protocol(path))
 
 
 def resolve(place: str) -> tuple[PurePath, ...]:
-    """Returns an absolute path with the links in its folders resolved, and the target if it is a link; a URL as it
-    is."""
+    """Resolves links in the folders of an absolute path, and adds the target if it is a link. A URL stays as is."""
     if "://" in place:
         return (PurePosixPath(place),)
     path = Path(os.path.realpath(Path(place).parent), Path(place).name)
@@ -73,8 +71,7 @@ def reach_store(text: str, filesystem: Any) -> Iterator[None]:
     """Raises `InvalidOption` instead of an error of the client of the store at the URL `text`.
 
     Each client has its own errors, such as botocore's if there are no credentials. Errors of local files and
-    programming
-    errors are raised as they are.
+    programming errors are raised as they are.
     """
     try:
         yield
@@ -88,8 +85,10 @@ def reach_store(text: str, filesystem: Any) -> Iterator[None]:
 
 
 def open_place(text: str) -> Source:
-    """Opens the input at a path or a URL, or `scene:NAME`, within the limits of the environment. Raises
-    `InputError`."""
+    """Opens the input at a path or a URL, or `scene:NAME`, within the limits of the environment.
+
+    Raises `InputError`.
+    """
     if text.startswith(SCENE) or "://" not in text:
         return open_source(text)
     filesystem, path = open_filesystem(text)
@@ -172,8 +171,9 @@ class Outputs:
 
     @contextmanager
     def open_scratch(self) -> Iterator[Path]:
-        """Provides a separate local folder for an unfinished result, on the same file system as the outputs if they are
-        local.
+        """Provides a separate local folder for an unfinished result.
+
+        It is on the same file system as the outputs if they are local.
         """
         if not self._is_local:
             with (
@@ -240,8 +240,10 @@ class Outputs:
             file.write(data)
 
     def move(self, local: Path, name: str) -> dict[str, int]:
-        """Moves a finished local file, or the files of a folder, to `name`. Returns the names and sizes of all of
-        them."""
+        """Moves a finished local file, or the files of a folder, to `name`.
+
+        Returns the names and sizes of all of them.
+        """
         names = {name: local}
         if local.is_dir():
             names = {f"{name}/{file.name}": file for file in sorted(local.iterdir())}

@@ -69,8 +69,7 @@ class Record:
         return Outcome("done", views=shown["views"], model=shown["model"], notes=tuple(shown["notes"]))
 
     def is_current(self, source: Source) -> bool:
-        """Checks whether the output is there as it was written, and was made from the same content with the same
-        options."""
+        """Checks whether the output exists as written, and was made from the same content with the same options."""
         if self._kept.get("key") != self._key:
             return False
         files = source.files if isinstance(source, Bundle) else {}

@@ -40,9 +40,9 @@ class TracedFiles(Mapping[str, bytes]):
         return data
 
     def read_start(self, key: str, length: int) -> bytes | None:
-        """Reads the start of a file like `picture_sizes.StartReader.read_start`. It is not recorded, because it only
-        decides
-        whether the input is refused.
+        """Reads the start of a file like `picture_sizes.StartReader.read_start`.
+
+        It is not recorded, because it only decides whether the input is refused.
         """
         return read_start(self._files, key, length)
 

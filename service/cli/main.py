@@ -81,8 +81,10 @@ class _Terminated(BaseException):
 
 @contextmanager
 def _terminable(command: str) -> Iterator[None]:
-    """Raises an exception in the block on SIGTERM, so that no partial output stays. Servers handle SIGTERM
-    themselves."""
+    """Raises an exception in the block on SIGTERM, so that no partial output stays.
+
+    Servers handle SIGTERM themselves.
+    """
     if command in ("serve", "worker"):
         yield
         return

@@ -73,8 +73,7 @@ class Row:
 
 
 def draw(rows: Sequence[Row]) -> Pixels:
-    """Draws the sheet, `(H, W, 3)`: a row for each scene, with the Y-PSNR and SSIM against the truth below each
-    picture."""
+    """Draws the sheet, `(H, W, 3)`: a row for each scene, with Y-PSNR and SSIM against the truth below each picture."""
     from PIL import Image, ImageDraw, ImageFont
 
     height, width = rows[0].bicubic.shape[:2]

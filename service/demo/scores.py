@@ -52,8 +52,7 @@ def _luma(picture: Pixels) -> NDArray[np.float64]:
 
 
 def _compute_ssim(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    """Computes the mean of the similarity map (Wang et al. 2004, equation 13) over windows that stay inside the
-    picture."""
+    """Averages the similarity map (Wang et al. 2004, equation 13) over the windows that stay inside the picture."""
     mean_one, mean_other = _average(one), _average(other)
     variances = _average(one**2) - mean_one**2 + _average(other**2) - mean_other**2
     covariance = _average(one * other) - mean_one * mean_other

@@ -65,8 +65,7 @@ class Engine:
         self._was_ready = True
 
     def check_ready(self) -> None:
-        """Raises `NotReady` unless jobs are accepted and a worker is ready, and `QueueUnavailable` for the disk or the
-        queue."""
+        """Raises `NotReady` unless jobs are accepted and a worker is ready; `QueueUnavailable` for disk or queue."""
         self.check_accepting()
         if self._pool is not None and not self._pool.is_ready():
             usual = "no worker process is ready; new ones are being started, try again in a second"

@@ -232,8 +232,7 @@ class Files:
         """Returns the message for an error of the place, or None for any other error.
 
         These are any `OSError`, including `FileNotFoundError` only for a missing folder (`is_write`). For an object
-        store they
-        are any exception except programming errors, because each store's client has its own.
+        store they are any exception except programming errors, because each store's client has its own.
         """
         if isinstance(error, PROGRAMMING_ERRORS):
             return None

@@ -24,8 +24,7 @@ class Request:
 
     name: str
     """`upload` with the suffix of the client's file name, `upload.glb`; before the suffix comes the part that marks a
-    picture
-    as a quilt or ESLF, `upload_qs8x6a0.75.png`. Or `scene:NAME`, whose file is empty."""
+    picture as a quilt or ESLF, `upload_qs8x6a0.75.png`. Or `scene:NAME`, whose file is empty."""
     options: dict[str, str]
     """Option texts by the names of `service.pipeline.options.NAMES`. They have been parsed once, so they are in
     range."""

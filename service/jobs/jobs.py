@@ -44,8 +44,10 @@ _log = logging.getLogger("ciir.jobs")
 
 
 class Jobs:
-    """All jobs. Threads can share it. Every method raises `QueueUnavailable` if the queue or the files can't be
-    used."""
+    """All jobs.
+
+    Threads can share it. Every method raises `QueueUnavailable` if the queue or the files can't be used.
+    """
 
     def __init__(self, settings: Settings) -> None:
         """Opens or creates the queue and the folders that `settings` name. Raises `InvalidOption`."""
@@ -77,9 +79,8 @@ class Jobs:
         """Returns the job for `request` and all bytes of `file`, and whether it is new. A new one is stored by now.
 
         A job that failed because of an error in the input is not run again. A job is run again if it failed otherwise,
-        was
-        cancelled, lost its result, or was ended by a worker of another version. `client` is listed in the job. Raises
-        `QueueFull` if `max_waiting` jobs wait in its lane (simultaneous calls may exceed it a little).
+        was cancelled, lost its result, or was ended by a worker of another version. `client` is listed in the job.
+        Raises `QueueFull` if `max_waiting` jobs wait in its lane (simultaneous calls may exceed it a little).
         """
         content = hash_content(file)
         id_ = compute_id(request, content, self._limits)
@@ -137,8 +138,10 @@ class Jobs:
         return job
 
     def open_result(self, id_: str) -> IO[bytes]:
-        """Opens the result of a finished job and checks that it is intact; the caller closes it. Raises
-        `ResultExpired`."""
+        """Opens the result of a finished job and checks that it is intact; the caller closes it.
+
+        Raises `ResultExpired`.
+        """
         job = self.records.get(id_)
         if job is not None and self._has_result(job):
             with suppress(FileNotFoundError):
@@ -168,8 +171,7 @@ class Jobs:
         return ages
 
     def sweep(self) -> bool:
-        """Removes jobs unused for `keep_seconds`, and the least recently used ones over `keep_bytes` or
-        `FINISHED_LIMIT`.
+        """Removes jobs unused for `keep_seconds`, and the least recently used over `keep_bytes` or `FINISHED_LIMIT`.
 
         Returns False if it stopped after `SWEEP_LIMIT_SECONDS` with work left.
         """
@@ -213,8 +215,10 @@ class Jobs:
         self.queue.close()
 
     def _is_valid(self, job: Job) -> bool:
-        """Checks whether the job can answer a new identical request. Its id is for this version; its worker may have
-        another."""
+        """Checks whether the job can answer a new identical request.
+
+        Its id is for this version; its worker may have another.
+        """
         if job.state in ("queued", "running"):
             return True
         if job.made_by != self._installation:
@@ -256,8 +260,7 @@ class Jobs:
             raise
 
     def _expire(self, name: str, client: str | None = None) -> None:
-        """Removes the ended job with the input `name`, unless clients other than `client`, if it is given, asked for
-        the job.
+        """Removes the ended job with the input `name`, unless clients other than `client`, if given, asked for it.
 
         Its result is removed first, because changing the record needs room on the disk.
         """

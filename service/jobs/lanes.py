@@ -103,8 +103,7 @@ def estimate_seconds(request: Request, size: float, pixels: float | None) -> flo
 
 
 def _count_rays(request: Request, options: Options) -> int:
-    """Counts the rays of a display's picture, or samples of views, which cost about as much; 0 if the display is
-    refused."""
+    """Counts rays of a display picture, or samples of views, which cost about as much; 0 if the display is refused."""
     written = options.make_writer_options()
     try:
         return count_rays(find_target(cast("DisplayKind", request.format or find_kind(written)), written), options)
@@ -113,8 +112,7 @@ def _count_rays(request: Request, options: Options) -> int:
 
 
 def _find_array(options: Options, pixels: float | None) -> tuple[float, float]:
-    """Returns the number of lenses, which is a view's pixels, and of views. For a picture, one follows from its
-    pixels."""
+    """Returns the numbers of lenses (a view's pixels) and of views. For a picture, one follows from its pixels."""
     lenses, grid = math.prod(options.lenses or LENSES), math.prod(options.pixels or PIXELS)
     if pixels is None:
         return lenses, grid

@@ -1,5 +1,7 @@
-"""The changes of state of a job, from its first run to its end. A run can change the job only while it holds the
-lease."""
+"""The changes of state of a job, from its first run to its end.
+
+A run can change the job only while it holds the lease.
+"""
 
 from __future__ import annotations
 
@@ -55,8 +57,10 @@ class Lifecycle:
         return self._records.update(id_, step)
 
     def add_progress(self, run: Job, data: dict[str, Any]) -> bool:
-        """Adds a progress event. Returns False if the lease is lost: the job was cancelled, or its consumer declared
-        dead."""
+        """Adds a progress event.
+
+        Returns False if the lease is lost: the job was cancelled, or its consumer declared dead.
+        """
         return self._update(run, Event("progress", data)) is not None
 
     def finish(self, run: Job, outcome: Result | Problem) -> bool:
@@ -82,8 +86,10 @@ class Lifecycle:
         self._retry(run, None, logging.DEBUG, lane=lane)  # nothing failed; the consumer logs why the run ended
 
     def retry_after_worker_death(self, run: Job, *, timed_out: bool) -> None:
-        """Queues the job again, or fails it after `WORKER_DEATH_LIMIT`. `timed_out`: whether a time-out ended the
-        worker."""
+        """Queues the job again, or fails it after `WORKER_DEATH_LIMIT`.
+
+        `timed_out`: whether a time-out ended the worker.
+        """
         deaths = run.worker_deaths + 1
         problem = WORKER_STOPPED if deaths >= WORKER_DEATH_LIMIT else None
         self._retry(run, problem, worker_deaths=deaths, has_timed_out=timed_out)
@@ -95,10 +101,9 @@ class Lifecycle:
             self._files.remove(RESULTS, run.output)
 
     def cancel(self, id_: str, client: str = "") -> Job | None:
-        """Removes the client from the job, and cancels the job if it has no other clients and hasn't ended. Returns the
-        job.
+        """Removes the client from the job, and cancels the job if it has no other clients and hasn't ended.
 
-        Returns None if there is no such job.
+        Returns the job, or None if there is no such job.
         """
 
         def step(job: Job | None) -> Job | None:

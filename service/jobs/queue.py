@@ -228,10 +228,9 @@ class Queue:
             pause = min(2 * pause, POLL_SECONDS[1])
 
     def listen(self, notify: Callable[[str], object]) -> None:
-        """Calls `notify` from now on, in a thread, with the id of each job that any process changes. Only for a Redis
-        server.
+        """Calls `notify` from now on, in a thread, with the id of each job that any process changes.
 
-        Raises `QueueUnavailable`.
+        This is only done with a Redis server. Raises `QueueUnavailable`.
         """
         if self._pool is None or self._listener is not None:
             return
@@ -258,8 +257,7 @@ class Queue:
             return {bytes(id_).decode() for storage in self._lanes.values() for id_ in storage.enqueued_items()}
 
     def check(self) -> None:
-        """Raises `QueueUnavailable` if a Redis server accepts no writes, for example over `maxmemory` or as a
-        replica."""
+        """Raises `QueueUnavailable` if a Redis server accepts no writes, such as over `maxmemory` or as a replica."""
         if self._pool is not None:
             self._checks.put("writes", b"")
 

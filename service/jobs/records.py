@@ -32,8 +32,7 @@ class Records:
         return {id_: job for id_, job in found.items() if job is not None}
 
     def update(self, id_: str, step: Callable[[Job | None], Job | None]) -> Job | None:
-        """Replaces the record by `step(record)` and returns it. Calls `step` again if the record changed in the
-        meantime.
+        """Replaces the record by `step(record)` and returns it. Calls `step` again if the record has changed.
 
         Changes nothing and returns None if `step` returns None.
         """

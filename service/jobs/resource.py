@@ -1,5 +1,4 @@
-"""A resource whose errors become `QueueUnavailable`. They are logged once when they begin and once when they are
-over."""
+"""A resource whose errors become `QueueUnavailable`, logged once when they begin and once when they are over."""
 
 from __future__ import annotations
 

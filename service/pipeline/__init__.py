@@ -1,2 +1,1 @@
-"""The main job: options and an input are resolved to one frozen job, the job to a plan, and the plan to views and a
-report."""
+"""The main job: options and an input become one frozen job, the job a plan, and the plan views and a report."""

@@ -120,9 +120,10 @@ class Job:
 
     @cached_property
     def arrangement(self) -> Arrangement:
-        """Which views are neighbours. The windows of a set of views always consist of the nearest ones: measuring how
-        far
-        content moves would decode views that may not be needed.
+        """Which views are neighbours.
+
+        The windows of a set of views always consist of the nearest ones: measuring how far content moves would decode
+        views that may not be needed.
         """
         arrangement = arrange_views(self.grid, self.order)
         if not isinstance(self.content, LightField) or arrangement.places is not None:
@@ -200,9 +201,9 @@ def _parse_views(content: Content, options: Options, grid: tuple[int, int]) -> t
 
 
 def check_kind(name: str, content: Content, options: Options, *, is_upscaled: bool = False) -> None:
-    """Raises `InvalidOption` for an option that is for the other kind of input. `sampling` is also for pictures that
-    are
-    upscaled.
+    """Raises `InvalidOption` for an option that is for the other kind of input.
+
+    `sampling` is also for pictures that are upscaled.
     """
     if isinstance(content, Scene):
         if options.pickup == "optical":

@@ -63,14 +63,12 @@ def reconstruct(
     """Passes the views that `options` ask for to `writer`. Returns the report, which `writer` also gets.
 
     Views are made, upscaled and encoded in batches, with each stage in its own thread, so the times of stages overlap
-    and
-    can add up to more than the total. `writer` and `progress` are called in the caller's thread. Errors are raised in
-    the
-    order of views, and no thread outlives the call. A mesh's views are RGB; pictures keep their channels and depth.
+    and can add up to more than the total. `writer` and `progress` are called in the caller's thread. Errors are raised
+    in the order of views, and no thread outlives the call. A mesh's views are RGB; pictures keep their channels and
+    depth.
 
     `max_pixels`: most output pixels of all views together, and most samples of a mesh, including views that are
-    rendered
-    only to help others. `clock`: counts the time of the stages.
+    rendered only to help others. `clock`: counts the time of the stages.
 
     Raises `InputError`, `ModelError` and `BackendUnavailable`. Errors that can be found from the input's header and the
     options are raised before `writer.begin`.
@@ -251,8 +249,10 @@ def _reconstruct(
 
 
 def _schedule(job: Job, plan: Plan, views: ViewSource, wanted: Sequence[View]) -> list[Batch]:
-    """Schedules the batches of the job, including its neighbouring views. Raises `TooLarge` if they exceed its
-    limits."""
+    """Schedules the batches of the job, including its neighbouring views.
+
+    Raises `TooLarge` if they exceed its limits.
+    """
     check_size(job.lenses, plan.scale, count=len(job.wanted) * job.frames, limit=job.max_pixels)
     size = batch_size(job.lenses[0] * job.lenses[1] * plan.scale**2)
     batches = schedule_batches(wanted, _arrange(job, plan), size=size, is_light_field=plan.is_light_field)

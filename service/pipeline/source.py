@@ -67,8 +67,7 @@ def open_bundle(text: str) -> Bundle:
 
 
 def add_frames(source: Source, *, white: str | PathLike[str] | None, dark: str | PathLike[str] | None) -> Source:
-    """Returns the raw lenslet picture `source` together with the white and dark frames at these paths, like a zip of
-    them.
+    """Adds the white and dark frames at these paths to the raw lenslet picture `source`, like a zip of them.
 
     Raises `InputError`.
     """
@@ -146,8 +145,7 @@ class Input:
         """Opens the mesh, or the light field, from which `views` selects those that will be used.
 
         `is_upscaled`: whether views are upscaled, in which case the rounding of an elemental image array that is a JPEG
-        is
-        partly undone. Raises `InputError`.
+        is partly undone. Raises `InputError`.
         """
         is_raw = options.known_grid is not None
         if is_raw and not isinstance(self._source, Bundle):
@@ -257,8 +255,10 @@ def make_layout(options: Options) -> Layout:
 
 
 def _make_pose(options: Options) -> MeshPose:
-    """Returns the pose to show a mesh in. Raises `InvalidOption` for several times, and for an animation without a
-    time."""
+    """Returns the pose to show a mesh in.
+
+    Raises `InvalidOption` for several times, and for an animation without a time.
+    """
     times = options.time or (None,)
     if len(times) > 1:
         raise InvalidOption(
@@ -297,8 +297,10 @@ def open_path(path: str | PathLike[str] | bytes | SupportsRead) -> Source:
 
 
 def _read_all(file: SupportsRead, name: str, most: int) -> bytes:
-    """Reads the rest of a file. Raises `InvalidOption` if it doesn't return bytes, and `TooLarge` for more than
-    `most`."""
+    """Reads the rest of a file.
+
+    Raises `InvalidOption` if it doesn't return bytes, and `TooLarge` for more than `most`.
+    """
     data = bytearray()
     while len(data) <= most:
         part = file.read(most + 1 - len(data))
@@ -311,8 +313,10 @@ def _read_all(file: SupportsRead, name: str, most: int) -> bytes:
 
 
 def as_light_field(picture: Pixels) -> LightField:
-    """Makes a light field with one view from one picture, `(H, W)` or `(H, W, C)`. Raises `InvalidOption` for
-    others."""
+    """Makes a light field with one view from one picture, `(H, W)` or `(H, W, C)`.
+
+    Raises `InvalidOption` for others.
+    """
     if not isinstance(picture, np.ndarray):
         given = type(picture).__name__
     elif picture.dtype.newbyteorder("=") not in (np.uint8, np.uint16):

@@ -30,8 +30,7 @@ def raise_file_limit() -> None:
 
 
 def find_most(settings: Settings) -> int:
-    """Returns the most connections: `max_connections`, or as many as the limit on open files allows, which is
-    logged."""
+    """Returns the most connections: `max_connections`, or fewer if the limit on open files is low, which is logged."""
     files = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
     others = RESERVED_FILES + FILES_PER_WORKER * settings.workers
     allowed = max(1, (files - others) // FILES_PER_CONNECTION) if files != resource.RLIM_INFINITY else 2**31

@@ -41,8 +41,9 @@ _REMEDIES = {  # the beginning of a message -> its remedy
 
 
 async def read_form(request: Request) -> FormData:
-    """Reads the parts of the body, of which up to `MAX_FILES` are files. The caller closes the form. Large parts are on
-    disk.
+    """Reads the parts of the body, of which up to `MAX_FILES` are files.
+
+    The caller closes the form. Large parts are on disk.
 
     Raises `HTTPException` 400 for a broken body or a charset other than UTF-8, and `QueueUnavailable` if the disk is
     full.

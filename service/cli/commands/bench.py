@@ -71,8 +71,10 @@ def _run_harm(options: HarmOptions, to: Path) -> None:
 
 
 def _parse_harm(args: argparse.Namespace) -> HarmOptions:
-    """Parses the options of the harm table. In `--lenses`, whole numbers are for meshes, and rows x columns for
-    elemental image arrays."""
+    """Parses the options of the harm table.
+
+    In `--lenses`, whole numbers are for meshes, and rows x columns for elemental image arrays.
+    """
     from ciir.benchmarks.harm.case import LIGHT_FIELD, MESH
     from ciir.benchmarks.harm.run import HarmOptions
 

@@ -182,7 +182,8 @@ def _export(args: argparse.Namespace) -> None:
 def _check_export(args: argparse.Namespace) -> None:
     if (args.weights is None) == (args.checkpoint is None):
         raise InvalidOption(
-            "export: give a CHECKPOINT of `ciir train`, an ONNX file, or --weights with a file from elsewhere; one of them"
+            "export: give a CHECKPOINT of `ciir train`, an ONNX file, or --weights with a file from elsewhere; "
+            "one of them"
         )
     if args.int8 and (args.weights or args.checkpoint.lower().endswith(".onnx")):
         raise InvalidOption("--int8: only a CHECKPOINT of `ciir train` has an int8 twin; leave it out")

@@ -102,14 +102,11 @@ class Pool:
         """Waits for a worker, runs `task` in it, and returns the outcome. Starts the workers if needed.
 
         The outcome is a `Problem` for a task over `job_seconds` that has timed out before, and `INTERNAL_ERROR`, which
-        is
-        logged, for an unexpected exception.
+        is logged, for an unexpected exception.
 
         Raises `TimedOut` for the first time-out; `WorkerDied`, also for a task over `job_seconds` with less processor
-        time
-        than `WORKING_SHARE` of that; `Cancelled` when `hooks.cancelled` is set or the pool is closed; and `OSError` for
-        the
-        task's files.
+        time than `WORKING_SHARE` of that; `Cancelled` when `hooks.cancelled` is set or the pool is closed; and
+        `OSError` for the task's files.
         """
         self.start()
         needs_new = False
@@ -140,8 +137,10 @@ class Pool:
             keeper.join()
 
     def _take_worker(self, cancelled: threading.Event, *, is_new: bool) -> Worker:
-        """Waits for an idle worker. `is_new`: accepts only a worker that has run no task, and ends others to start new
-        ones."""
+        """Waits for an idle worker.
+
+        `is_new`: accepts only a worker that has run no task, and ends others to start new ones.
+        """
         while not (cancelled.is_set() or self._closed.is_set()):
             with suppress(queue.Empty):
                 worker = self._idle.get(timeout=TICK_SECONDS)
@@ -159,8 +158,10 @@ class Pool:
             self._idle.put(worker)
 
     def _run_in(self, worker: Worker, run: _Run) -> Outcome:
-        """Runs a task like `run`, in a given worker. Raises `_NotReceivedError` or `_MemoryTakenError` if another must
-        run it."""
+        """Runs a task like `run`, in a given worker.
+
+        Raises `_NotReceivedError` or `_MemoryTakenError` if another must run it.
+        """
         deadline = time.monotonic() + self._seconds
         worked_before = worker.read_cpu_seconds()
         is_received = False

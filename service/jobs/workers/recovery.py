@@ -25,8 +25,7 @@ HEARTBEAT_SECONDS = 1.0
 DEAD_SECONDS = 10.0
 LOST_SECONDS = 3.0
 """A job is lost after this long outside the queue in state `queued`, or in state `running` with a lease of this
-consumer
-that no thread holds: a process died between two steps, or the queue's answer was lost."""
+consumer that no thread holds: a process died between two steps, or the queue's answer was lost."""
 STALE_SECONDS = 600.0
 """An input without a job is removed after this long: the process that received it died."""
 _log = logging.getLogger("ciir.jobs")
@@ -89,8 +88,7 @@ class Recovery:
     def _find_defect(
         self, name: str, job: Job | None, waiting: Collection[str], leases: Collection[str], now: float
     ) -> tuple[str, float]:
-        """Returns what is wrong with the job of input `name`, and after how many seconds to repair it; empty for
-        nothing."""
+        """Returns the defect of the job of input `name`, and after how many seconds to repair it; empty for none."""
         if job is None or job.input != name:
             return "input without a job", STALE_SECONDS
         if job.state in FINAL:

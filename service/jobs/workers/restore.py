@@ -1,5 +1,4 @@
-"""Restores accepted jobs whose records are lost, for example with a removed database, from the copies next to their
-inputs."""
+"""Restores accepted jobs whose records are lost, such as with a removed database, from copies next to their inputs."""
 
 from __future__ import annotations
 

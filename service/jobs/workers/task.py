@@ -174,8 +174,7 @@ def write_result(
 
 
 def warm_up() -> None:
-    """Loads what most tasks need, and runs each model that `auto` may select for one view and for many: takes 1 to 2
-    s."""
+    """Loads what most tasks need, and runs each model that `auto` may select, for one view and many: takes 1 to 2 s."""
     import io
 
     import numpy as np

@@ -152,8 +152,10 @@ class Worker:
             _log.warning("worker process %d: %s", self.pid, line)
 
     def read_output(self) -> None:
-        """Reads the output of the process and keeps it for `log_output`. The process blocks if nobody reads its
-        output."""
+        """Reads the output of the process and keeps it for `log_output`.
+
+        The process blocks if nobody reads its output.
+        """
         with self._log_lock:
             if self._log_file.closed:
                 return

@@ -16,8 +16,7 @@ if TYPE_CHECKING:
 
 
 def count_rays(target: Target, options: Options) -> int:
-    """Counts the rays of the picture: one for each subpixel of a native picture, else `find_samples` along each
-    side."""
+    """Counts rays of the picture: one for each subpixel of a native picture, else `find_samples` along each side."""
     if isinstance(target, Calibration):
         return 3 * target.width * target.height
     if isinstance(target, IntegralDisplay):

@@ -64,8 +64,7 @@ def find_disparity(
 
 
 def _find_texture(found: DisparityMap, light_field: LightField) -> NDArray[np.bool_]:
-    """Returns the mask of pixels of the map's view, `(H, W)`, with texture; elsewhere all disparities fit equally
-    well."""
+    """Masks the pixels of the map's view, `(H, W)`, that have texture; elsewhere all disparities fit equally well."""
     view = light_field.view(*found.view)
     levels = read_levels(raise_levels(view, count_unused_bits(view)))
     return find_texture(levels, light_field.shape[:2])
@@ -120,8 +119,7 @@ def _find_range(found: DisparityMap, counts: NDArray[np.bool_]) -> Report | None
     """Returns the least and the largest disparity where `counts` is true and the confidence is high enough.
 
     That is at least `SURE`, or the median confidence where `counts` is true if that is lower, as for noisy views.
-    Returns
-    None if `counts` is false everywhere.
+    Returns None if `counts` is false everywhere.
     """
     if not counts.any():
         return None

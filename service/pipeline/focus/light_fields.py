@@ -44,8 +44,7 @@ class Captured:
     """The sign of the light field's disparities if larger is to be nearer: -1 with the depth sense `lenses`."""
     depths: DepthScale | None
     """Depth against disparity, with larger disparities nearer, in pixels of the views that were read; None if nothing
-    is
-    known about it."""
+    is known about it."""
     report: Report
     """The report on the views, without their list."""
     count: int
@@ -92,12 +91,10 @@ def capture(
     progress: Progress,
     clock: Clock,
 ) -> Captured:
-    """Reads or renders all views of `source`, and upscales with the model of `options` those that `_select_views`
-    gives.
+    """Reads or renders all views of `source`, and upscales those from `_select_views` with the model of `options`.
 
     The other views are then black. Raises the same errors as `service.pipeline.run.reconstruct`, and `InvalidOption`
-    for a
-    single view and for camera options that are incomplete or don't fit.
+    for a single view and for camera options that are incomplete or don't fit.
     """
     writer = _Collector(io.BytesIO(), WriterOptions())
     with clock.stage("decode"):

@@ -1,5 +1,4 @@
-"""Finds out what a picture may be: an elemental image array, a mosaic of views, or a raw lenslet picture with its
-grid."""
+"""Finds out what a picture may be: an elemental image array, a mosaic, or a raw lenslet picture with its grid."""
 
 from __future__ import annotations
 
@@ -57,8 +56,10 @@ def describe_picture(given: Input, format_: PictureFormat, key: str, options: Op
 
 
 def _describe_own(layout: Layout) -> Candidate:
-    """Describes what a picture states about itself. Options leave out what is read from the file anyway, such as the
-    pickup."""
+    """Describes what a picture states about itself.
+
+    Options leave out what is read from the file anyway, such as the pickup.
+    """
     given = {"arrangement": "mosaic"} if layout.arrangement == "mosaic" else {}
     options = write_texts(given | {"pixels": layout.pixels})
     return {"kind": layout.arrangement, "options": options, "lenses": layout.lenses, "pixels": layout.pixels}

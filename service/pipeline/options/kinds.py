@@ -88,7 +88,7 @@ class Kind:
 
     @property
     def takes_scenes(self) -> bool:
-        """Whether a shipped scene can replace the file, as it can any mesh."""
+        """Whether a shipped scene can be given instead of the file, as it can wherever a mesh can."""
         return not set(self.options).isdisjoint(MESH)
 
     @property

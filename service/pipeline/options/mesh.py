@@ -62,9 +62,9 @@ MESH = {
     ),
     "sampling": Option(
         "NAME",
-        "what a lens sees: pinhole, one point; lenslet, the mean over its pitch; give lenslet also for views that were "
-        "rendered this way: what networks make is brought closer to these means (default pinhole; detected for other "
-        "views)",
+        "what a lens sees: pinhole, one point; lenslet, the mean over its pitch; give lenslet also for pictures that "
+        "were rendered this way, so that the views made by networks are brought closer to these means (default "
+        "pinhole; detected for other views)",
         make_name(get_args(Sampling)),
         "lenslet",
     ),
@@ -87,7 +87,7 @@ MESH = {
     ),
     "camera": Option(
         "NAME",
-        "camera of a glTF mesh whose picture the views frame, by its name or its number from 0",
+        "camera of a glTF mesh whose picture to frame: its name, or its number from 0",
         values.LABEL,
         "0",
     ),
@@ -129,8 +129,10 @@ class MeshOptions:
 
     @property
     def placement(self) -> Placement:
-        """The placement given by the options. Raises `InvalidOption` if they contradict each other, and for several
-        yaws."""
+        """The placement given by the options.
+
+        Raises `InvalidOption` if they contradict each other, and for several yaws.
+        """
         if self.fit == "none" and self.place is not None:
             raise InvalidOption("fit, place: with fit none a mesh stays at its own place; leave one of them out")
         yaw, *others = list_yaws(self.rotate)

@@ -46,8 +46,8 @@ class Options(WritingOptions, MeshOptions, UpscalingOptions, LensletOptions, Rea
         """Converts options from Python values.
 
         Pairs and colours are sequences of whole numbers, views are pairs (v, u), and `skip` is a bool. Text is parsed
-        as on
-        the command line, and None means the default. Raises `InvalidOption`, also for an option that is not in `names`.
+        as on the command line, and None means the default. Raises `InvalidOption`, also for an option that is not in
+        `names`.
         """
         return cls(**_parse(given, names))
 

@@ -81,8 +81,9 @@ READING = {
     "transpose": Option("NAME", "yes: swap rows and columns of views", make_switch(get_args(Switch)), "yes", "yes"),
     "depth_sense": Option(
         "NAME",
-        "what the views count: cameras (near content moves to the left from one view to the next on the right) or "
-        "lenses (pixels under lenses: far content moves so); auto: as the file or its format says (default auto)",
+        "what the views' numbers count: cameras (near content moves to the left from one view to the next on the "
+        "right) or lenses (pixels under them; far content moves so); auto: as the file or its format says "
+        "(default auto)",
         make_name(("auto", *get_args(DepthSense))),
         "lenses",
     ),

@@ -37,8 +37,7 @@ class ValueType:
 
     schema: dict[str, Any]
     """JSON schema of a value's text, or of the number itself for a number. A field in a form may be empty, which counts
-    as
-    not sent."""
+    as not sent."""
     read: Callable[[str, str], Any]
     """Returns the value of a text."""
     convert: Callable[[Any], Any]

@@ -96,8 +96,7 @@ def total(stages: Sequence[Stage], written: int, batches: int) -> float:
     """Returns the milliseconds of a job that writes `written` pixels.
 
     Its first batch goes through all stages. Each further batch takes as long as the slowest stage, or as the work of
-    all
-    stages shared among the cores.
+    all stages shared among the cores.
     """
     stages = [*stages, Stage(0.0, written * WRITE_MS)]
     spent = [stage.views for stage in stages]
@@ -127,10 +126,7 @@ class Costs:
         return Stage(factor * typical.once + OPENGL_START_MS * starts, factor * typical.views)
 
     def upscaling(self, model: str, scale: int, *, pixels: int, views: int, batches: int) -> Stage:
-        """Returns the cost of upscaling `views` views in `batches` batches, with `pixels` pixels of each given to a
-        model of the
-        catalogue.
-        """
+        """Returns the cost of `views` views in `batches` batches, with `pixels` pixels of each given to that model."""
         card = catalogue.get_entry(model).card
         name = f"{model} x{scale}, {'interpolation' if card is None else card.sha256[:12]}; {machine()}"
         work = VIEWS * (SIDE**2 + VIEW_PIXELS) + CALL_PIXELS
@@ -185,8 +181,7 @@ def _read(path: Path | None) -> dict[str, float]:
 
 
 def measure(run: Callable[[], object]) -> float:
-    """Measures the milliseconds of `run` without other work: its least processor time over the most cores used in a
-    round."""
+    """Measures the milliseconds of `run` without other work: least processor time over the most cores of a round."""
     run()
     spent: list[float] = []
     busy = 1.0

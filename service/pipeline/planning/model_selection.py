@@ -38,13 +38,10 @@ def select_model(job: Job) -> Selection:
     """Selects the model for `job`.
 
     `auto` takes the default light-field network, which is more accurate on all grids that it takes (docs/accuracy.md).
-    If
-    there is a reason against it, `auto` takes the default network for single pictures. Both are int8 networks if the
+    If there is a reason against it, `auto` takes the default network for single pictures. Both are int8 networks if the
     processor supports them. For a light-field network, a mesh's neighbouring views have to be rendered: `auto` does
-    that
-    if the whole job is predicted to take at most `job.neighbour_time` longer. If views can't help each other, the
-    default
-    for single pictures replaces a light-field network.
+    that if the whole job is predicted to take at most `job.neighbour_time` longer. If views can't help each other, the
+    default for single pictures replaces a light-field network.
     """
     if job.model == NO_MODEL:
         return Selection(NO_MODEL)

@@ -34,8 +34,7 @@ def upscale_batches(
     clock: Clock,
     statistics: SkipStatistics,
 ) -> Generator[tuple[Sequence[View], Iterable[Pixels], list[Finishing]]]:
-    """Yields each batch's wanted views, the pictures to write for them, and how each was finished after a light-field
-    network."""
+    """Yields each batch's wanted views, their pictures, and how each was finished after a light-field network."""
     kept: dict[View, Pixels] = {}
     with closing(made), opening as wait:
         for batch, new in made:

@@ -42,8 +42,7 @@ class FrameWriter(Writer):
 
 
 def join_reports(reports: Sequence[Report], moments: Sequence[Moment]) -> Report:
-    """Returns the report on all frames: the first one, with each frame's picture and the notes that differ in more than
-    numbers."""
+    """Joins the reports: the first one, with each frame's picture and the notes that differ in more than numbers."""
     notes: dict[str, str] = {}
     for report in reports:
         for note in report["notes"]:

@@ -33,8 +33,7 @@ class ObjectCheck:
             self.count(picture)
 
     def count(self, picture: NDArray[np.uint8]) -> None:
-        """Counts a picture like `add`, whatever was counted before, so that neither the order of pictures nor threads
-        matter."""
+        """Counts a picture like `add`, whatever was counted before: neither order nor thread matters."""
         covered = picture[..., 3] > 0
         stands_out = np.zeros_like(covered)
         for channel, (low, high) in enumerate(zip(self._low, self._high, strict=True)):  # an axis of three is slow

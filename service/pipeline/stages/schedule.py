@@ -35,8 +35,7 @@ def batch_size(pixels: int) -> int:
 def schedule_batches(
     wanted: Sequence[View], arrangement: Arrangement, *, size: int, is_light_field: bool
 ) -> list[Batch]:
-    """Splits `wanted`, in order, into batches of `size` views; for a light-field model, with the views of their
-    windows."""
+    """Splits `wanted`, in order, into batches of `size` views; for a light-field model, with their windows' views."""
     parts = [wanted[first : first + size] for first in range(0, len(wanted), size)]
     windows = [arrangement.list_required(part) for part in parts] if is_light_field else parts
     first_use = {view: number for number, window in reversed(list(enumerate(windows))) for view in window}

@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 
 UpscaleViews = Callable[[Mapping["View", "Pixels"], Sequence["View"]], tuple["Pixels", list["Finishing"]]]
 """Takes views `(H, W, C)` by (v, u), and which of them are wanted. Returns the upscaled ones `(n, scale*H, scale*W,
-C)`,
-and how each was finished after a light-field network."""
+C)`, and how each was finished after a light-field network."""
 
 
 def load_upscaler(
@@ -35,8 +34,7 @@ def load_upscaler(
     """Loads `plan.model` for views of a light field.
 
     `skip`: whether pixels with a known result are skipped; they are counted in `statistics`. Colours stay within the
-    bits
-    of each view's camera (`ciir.bit_depth`), which interpolation would exceed at edges. Raises the same errors as
+    bits of each view's camera (`ciir.bit_depth`), which interpolation would exceed at edges. Raises the same errors as
     `models.catalogue.load_upscaler`.
     """
     upscale = _load_model(plan, arrangement, skip, statistics)
@@ -120,8 +118,7 @@ def describe_skipped(statistics: SkipStatistics) -> dict[str, Any]:
     """Returns the report's `skipped`.
 
     These are the model's input pixels, the share of them that it did not compute, by reason, and `saved_ms`: at most
-    the
-    time that those would have taken at the pace of the others; null if all were skipped.
+    the time that those would have taken at the pace of the others; null if all were skipped.
     """
     pixels = max(1, statistics.pixels)
     shares = {"uniform": statistics.uniform, "repeated": statistics.repeated}

@@ -62,8 +62,7 @@ class ViewWindows:
     """The distance between neighbouring views of a window, relative to that of the array's views."""
     disparities: Range | None = None
     """The range of disparities in everything that is seen, in pixels from one view of a window to the next; None if
-    some
-    are larger than `FARTHEST`."""
+    some are larger than `FARTHEST`."""
 
     def list_grid(self, grid: View) -> View:
         """Returns the rows and columns of the grid for an array of `grid` views."""

@@ -18,10 +18,10 @@ _HEADER = APIKeyHeader(name="X-API-Key", auto_error=False, description="the same
 
 
 def require_key(keys: Iterable[str]) -> Callable[..., Awaitable[None]]:
-    """Makes a dependency that raises `HTTPException` 401 unless a request sends one of `keys`. Without keys it accepts
-    all.
+    """Makes a dependency that raises `HTTPException` 401 unless a request sends one of `keys`.
 
-    Digests of all keys are compared in constant time, so that the duration does not depend on the keys.
+    Without keys it accepts all requests. Digests of all keys are compared in constant time, so that the duration does
+    not depend on the keys.
     """
     digests = [sha256(key.encode()).digest() for key in keys]
 

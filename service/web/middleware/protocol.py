@@ -143,8 +143,10 @@ def _is_not_bare(record: logging.LogRecord) -> bool:
 
 
 def make_protocol(seconds: float, most: int, metrics: Metrics) -> type[TimeoutProtocol]:
-    """Makes a `TimeoutProtocol` with that timeout and at most that many connections. `metrics` counts what it
-    refuses."""
+    """Makes a `TimeoutProtocol` with that timeout and at most that many connections.
+
+    `metrics` counts what it refuses.
+    """
     logging.getLogger("uvicorn.error").addFilter(_is_not_bare)
     attributes = {"seconds": seconds, "most": most, "metrics": metrics, "idle": {}}
     return type("TimeoutProtocol", (TimeoutProtocol,), attributes)

@@ -31,12 +31,10 @@ def is_loopback(name: str) -> bool:
 
 
 def require_own_site(hosts: Sequence[str], origins: Sequence[str]) -> Callable[[Request], Awaitable[None]]:
-    """Makes a dependency that raises `HTTPException` 403 for another host, or another page's request that changes
-    things.
+    """Makes a dependency that raises `HTTPException` 403 for another host, or another page's request to change things.
 
     `hosts`: accepted names besides those of loopback; if empty, or with `*`, all are accepted. `origins`: those of
-    other
-    pages that may send requests.
+    other pages that may send requests.
     """
 
     async def check(request: Request) -> None:

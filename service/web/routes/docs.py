@@ -37,8 +37,7 @@ def add_docs(app: FastAPI) -> None:
 
 
 def _make_policy(html: str) -> str:
-    """Returns the page's Content-Security-Policy: files from this server, and the page's inline scripts by their
-    hashes."""
+    """Returns the page's Content-Security-Policy: files from this server, and its inline scripts by their hashes."""
     scripts = re.findall(r"<script>(.*?)</script>", html, re.DOTALL)
     hashes = [f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" for script in scripts]
     return (

@@ -53,8 +53,7 @@ class LensArray(TypedDict):
     """Tangent from one pixel under a lens to the next."""
     depth_sense: DepthSense
     """`lenses`: farther content moves further to the left from one view to the next on the right; `cameras`: nearer
-    content
-    does."""
+    content does."""
 
 
 @described
@@ -204,8 +203,7 @@ class PlaneReport(ReconstructionReport):
 
 @described
 class DisparityRange(TypedDict):
-    """The range of disparities in pixels with texture and at least that confidence, or, for a mesh, in pixels that show
-    it."""
+    """The range of disparities where there is texture and at least that confidence, or where a mesh is seen."""
 
     least: float
     largest: float

@@ -144,8 +144,7 @@ def _make_name(given: str, kind: Kind) -> str:
     """Makes the name of the input: `upload` and the parts of the given name that are used.
 
     These are the suffix and, for a light field, the part that marks a quilt or ESLF. Raises `InvalidOption` if the
-    layout
-    of a quilt is out of range.
+    layout of a quilt is out of range.
     """
     path = PurePosixPath(given.replace("\\", "/"))
     suffix = path.suffix.lower()

@@ -101,7 +101,7 @@ def test_what_is_no_input(texts, message):
         ("{stem}", "would have the same name as that of"),
         ("{path.parent}", "not understood"),
         ("{absent}", "not understood"),
-        ("../{path}", "leads out"),
+        ("../{path}", "is outside the folder"),
         ("/", "not understood"),
     ],
 )

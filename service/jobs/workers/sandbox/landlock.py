@@ -69,8 +69,7 @@ def restrict(readable: Sequence[str]) -> list[str]:
 
 
 def find_exposed(private: Mapping[str, Path]) -> list[str]:
-    """Returns a sentence for each of `private`, paths by name, that worker processes can read because it is among
-    libraries."""
+    """Returns a sentence on each of `private`, paths by name, that is exposed because it lies among libraries."""
     package = Path(__file__).parents[4]
     granted = [Path(path).resolve() for path in _list_readable(package, ())]
     sentences = []

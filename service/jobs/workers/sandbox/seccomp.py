@@ -104,8 +104,7 @@ def _make_program(machine: str, pid: int) -> list[tuple[int, int, int, int]]:
 
 
 def _list_rules(pid: int) -> list[tuple[tuple[int, int], int, int, tuple[int, ...], bool]]:
-    """Lists calls that depend on an argument: (x86_64, aarch64), which argument, the test, values, whether a match
-    allows."""
+    """Lists calls that an argument decides: (x86_64, aarch64), which argument, test, values, whether a match allows."""
     return [
         ((56, 220), 0, _JUMP_SET, (_CLONE_THREAD,), True),  # clone: threads, no processes
         ((62, 129), 0, _JUMP_EQUAL, (pid,), True),  # kill

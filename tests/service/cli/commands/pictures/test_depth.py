@@ -60,7 +60,7 @@ def test_a_model_is_rendered_again(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["-o", "a.jpg"], "a.jpg: not the name of a disparity map or a model; end it with .pfm, .png, .npy, .glb, .ply"),
+        (["-o", "a.jpg"], "a.jpg: not the name of a disparity map or a model; end it with .pfm, .png, .npy, .glb"),
         (["-o", "a.pfm", "--to", "exr"], "format: 'exr' holds no disparity; give pfm, png"),
         (["-o", "a.pfm", "--limits", "0:1"], "limits: the disparity of a mesh is rendered"),
     ],
