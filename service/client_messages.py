@@ -292,9 +292,7 @@ def read_result(response: httpx2.Response) -> Result:
         parts = [part.split(";dur=") for part in response.headers.get("server-timing", "").split(", ") if part]
         file = Path(response.headers["content-disposition"].rstrip('"').rpartition('"')[2])
         timings = {stage: float(ms) for stage, ms in parts}
-        formats = {
-            kind.suffix: name for name, kind in reversed(FILE_TYPES.items())
-        }  # the first one, if there are several
+        formats = {kind.suffix: name for name, kind in reversed(FILE_TYPES.items())}  # the first one of several
         id_ = response.headers["etag"].removeprefix("W/").strip('"').partition("-")[0]
         notes = tuple(_check(json.loads(response.headers.get("x-notes", "[]")), list))
         return Result(id_, response.content, formats[file.suffix], timings, file.name, notes)

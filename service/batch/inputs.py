@@ -39,9 +39,8 @@ def find_inputs(texts: Sequence[str], *, has_arrays: bool, sets: bool) -> list[F
     """Finds the inputs that `texts` name, in order, each once.
 
     A file is an input. A folder, given or matched by a glob, stands for all files of supported types in it and below
-    it;
-    with `sets` it is one input, as for `ciir reconstruct`. A folder of pictures that fill a grid of views is also one
-    input, unless `has_arrays`, which means that the options give the lenses of elemental image arrays.
+    it; with `sets` it is one input, as for `ciir reconstruct`. A folder of pictures that fill a grid of views is also
+    one input, unless `has_arrays`, which means that the options give the lenses of elemental image arrays.
 
     Raises `InvalidOption` if one of them names nothing.
     """

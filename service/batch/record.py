@@ -50,9 +50,7 @@ class Record:
             names = [str(view["file"]) for view in _parse(self._outputs.read(report))["views"]]
         except (LookupError, TypeError):  # there is no report, or it is from another program
             names = []
-        inside = [
-            name for name in names if not {"/", "\\"} & {*name}
-        ]  # these files are removed, so none may be outside the folder
+        inside = [name for name in names if not {"/", "\\"} & {*name}]  # they are removed: none may be outside
         return {"files": [report, *(f"{task.out}/{name}" for name in inside)]}
 
     @property

@@ -122,7 +122,7 @@ def _add_measurements(add_command: Callable[..., argparse.ArgumentParser]) -> No
         metavar="N",
         help="use arrays of N x N lenses for meshes; with --harm also RxC, the lenses of an EIA picture",
     )
-    command.add_argument("--rounds", metavar="N", help="how often each job runs (default 11, or 3 with --quick)")
+    command.add_argument("--rounds", metavar="N", help="how many times each job runs (default 11, or 3 with --quick)")
     command.add_argument(
         "--quick",
         action="store_true",

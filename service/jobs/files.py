@@ -231,8 +231,8 @@ class Files:
     def _describe(self, error: Exception, *, is_write: bool = False) -> str | None:
         """Returns the message for an error of the place, or None for any other error.
 
-        These are any `OSError`, including `FileNotFoundError` only for a missing folder (`is_write`). For an object
-        store they are any exception except programming errors, because each store's client has its own.
+        These are any `OSError`, but `FileNotFoundError` only for a missing folder (`is_write`). For an object store
+        they are any exception except programming errors, because each store's client has its own.
         """
         if isinstance(error, PROGRAMMING_ERRORS):
             return None

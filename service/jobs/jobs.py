@@ -76,7 +76,7 @@ class Jobs:
         return compute_id(request, hash_content(file), self._limits)
 
     def submit(self, request: Request, file: BinaryIO, client: str = "") -> tuple[Job, bool]:
-        """Returns the job for `request` and all bytes of `file`, and whether it is new. A new one is stored by now.
+        """Returns the job for `request` and all bytes of `file`, and whether it is new. A new one has been stored.
 
         A job that failed because of an error in the input is not run again. A job is run again if it failed otherwise,
         was cancelled, lost its result, or was ended by a worker of another version. `client` is listed in the job.

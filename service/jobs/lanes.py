@@ -64,8 +64,7 @@ def estimate_seconds(request: Request, size: float, pixels: float | None) -> flo
     """Estimates the seconds that `request` takes on a typical machine.
 
     The input is a picture of `pixels`, or another file of `size` unpacked bytes, which counts as a mesh if it may be
-    one.
-    Anything that only the rest of the file's content shows, such as instances, is not considered.
+    one. Anything that only the rest of the file's content shows, such as instances, is not considered.
     """
     options = KINDS[request.kind].parse(request.options)
     if options.moments:

@@ -87,14 +87,14 @@ MESH = {
     ),
     "camera": Option(
         "NAME",
-        "camera of a glTF mesh whose picture to frame: its name, or its number from 0",
+        "frame the picture of this camera of a glTF mesh: its name, or its number from 0",
         values.LABEL,
         "0",
     ),
     "neighbour_time": Option(
         "SECONDS",
-        "with model auto, for a mesh: by how much rendering the neighbouring views may prolong the job, as predicted; "
-        "0: never render them (default 1)",
+        "with model auto, for a mesh: by how many seconds rendering the neighbouring views may prolong the job, as "
+        "predicted; 0: never render them (default 1)",
         make_number(0, 1e6, "seconds such as 0.5"),
         "0.5",
     ),

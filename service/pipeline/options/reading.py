@@ -82,7 +82,7 @@ READING = {
     "depth_sense": Option(
         "NAME",
         "what the views' numbers count: cameras (near content moves to the left from one view to the next on the "
-        "right) or lenses (pixels under them; far content moves so); auto: as the file or its format says "
+        "right) or lenses (pixels under them; far content moves left); auto: as the file or its format says "
         "(default auto)",
         make_name(("auto", *get_args(DepthSense))),
         "lenses",
