@@ -79,7 +79,7 @@ class Job:
 
     @cached_property
     def array(self) -> LensArray:
-        """The lens array. If they are unknown, the pitch is 1 and delta a usual one."""
+        """The lens array, with a pitch of 1 and a usual delta if they are unknown."""
         return LensArray(*self.lenses, *self.grid, self.pitch or 1.0, self.delta or 0.0)
 
     @cached_property

@@ -149,7 +149,7 @@ class Input:
         """
         is_raw = options.known_grid is not None
         if is_raw and not isinstance(self._source, Bundle):
-            raise InvalidOption(f"lens_pitch: this is for raw lenslet pictures, and {self.name} is not; leave it out")
+            raise InvalidOption(f"lens_pitch: this is for raw lenslet pictures, unlike {self.name}; leave it out")
         if isinstance(self._source, LightField):
             self._check_views(self._source, options)
             field = reorient(take_order(self._source, options.order), make_layout(options))
