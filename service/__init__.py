@@ -1,1 +1,1 @@
-"""The whole job put together: the pipeline, the command line and the HTTP API, which add nothing to it."""
+"""The whole job put together: the pipeline, and the command line and the HTTP API, which add nothing to it."""

@@ -7,8 +7,8 @@ with Client("http://127.0.0.1:8000") as client:
         print(event.kind, event.data)
     views = job.result().content
 
-`AsyncClient` has the same methods, to be awaited. All of them raise the errors of `ciir.errors`: those that the same
-work raises without a server, and `ServiceError` for what only a server can cause.
+`AsyncClient` has the same methods as coroutines. All methods raise the errors of `ciir.errors`: the same errors as the
+work raises without a server, and `ServiceError` for errors that only a server can cause.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ if TYPE_CHECKING:
 
 __all__ = ["AsyncClient", "AsyncJob", "Client", "Event", "Job", "Result"]
 TIMEOUT_SECONDS = 60.0
-"""Longest silence of the server; it sends at least a comment every 15 s while a job runs."""
+"""Longest silence of the server, which sends at least a comment every 15 s while a job runs."""
 _WAIT = {"Prefer": "wait=30"}
-"""Of a request for a result: the server answers well before `TIMEOUT_SECONDS`, also where it would wait for longer."""
+"""Headers of a request for a result. The server answers well before `TIMEOUT_SECONDS`, even if it would wait longer."""
 
 
 class Client(httpx2.Client):
-    """A connection to the server at `url`. Not to be shared between threads.
+    """A connection to the server at `url`. Don't share it between threads.
 
     `source` is a file, a folder, which is sent as a zip, or `scene:NAME`. `options` are those of the command, as
     `ciir.reconstruct` takes them: pairs as `(50, 50)`, or text as on the command line; and `format`. All methods raise
@@ -54,8 +54,10 @@ class Client(httpx2.Client):
         retries: int = 5,
         transport: httpx2.BaseTransport | None = None,
     ) -> None:
-        """`retries`: how often a request is repeated after 429 or 503, each time after the server's `Retry-After`;
-        a GET only if the response has one."""
+        """`retries`: how many times a request is repeated after 429 or 503, each time after the server's `Retry-After`.
+
+        A GET is only repeated if the response has one.
+        """
         super().__init__(base_url=url, headers=messages.make_key(api_key), timeout=TIMEOUT_SECONDS, transport=transport)
         self.retries = retries
 
@@ -86,7 +88,7 @@ class Client(httpx2.Client):
         return self._run("elemental", source, options)
 
     def make_display_picture(self, source: str | Path, **options: object) -> Result:
-        """Sends a mesh, an elemental image array or views, and waits for a display's picture.
+        """Sends a mesh, an elemental image array or views, and waits for a display picture.
 
         `calibration` and `display` are paths.
         """
@@ -101,7 +103,7 @@ class Client(httpx2.Client):
         return self._run("disparity", source, options)
 
     def inspect(self, source: str | Path, **options: object) -> dict[str, Any]:
-        """Sends any file that a reconstruction takes, and returns what it is, as `POST /v1/inspections` answers it."""
+        """Sends any file that a reconstruction takes, and returns what it contains, as `POST /v1/inspections` does."""
         return messages.read_inspection(self._run("inspection", source, options))
 
     def submit(self, source: str | Path, kind: KindName = "reconstruction", **options: object) -> Job:
@@ -109,7 +111,7 @@ class Client(httpx2.Client):
         return Job(self, messages.read_path(self._post(kind, source, options, {"Prefer": "respond-async"})))
 
     def job(self, id_: str, kind: KindName = "reconstruction") -> Job:
-        """The job with that id, which any client may have submitted; nothing is sent yet."""
+        """Returns the job with that id, which any client may have submitted. Nothing is sent yet."""
         return Job(self, messages.make_path(id_, kind))
 
     def models(self) -> list[dict[str, Any]]:
@@ -132,7 +134,7 @@ class Client(httpx2.Client):
 
 
 class AsyncClient(httpx2.AsyncClient):
-    """As `Client`, for asyncio. One object may serve many tasks."""
+    """The same as `Client`, for asyncio. One object can serve many tasks."""
 
     def __init__(
         self,
@@ -142,12 +144,12 @@ class AsyncClient(httpx2.AsyncClient):
         retries: int = 5,
         transport: httpx2.AsyncBaseTransport | None = None,
     ) -> None:
-        """As `Client`."""
+        """See `Client`."""
         super().__init__(base_url=url, headers=messages.make_key(api_key), timeout=TIMEOUT_SECONDS, transport=transport)
         self.retries = retries
 
     async def send(self, request: httpx2.Request, **options: Any) -> httpx2.Response:
-        """As `Client.send`."""
+        """See `Client.send`."""
         failures = 0
         while True:
             try:
@@ -161,43 +163,43 @@ class AsyncClient(httpx2.AsyncClient):
             await asyncio.sleep(messages.find_pause(response, failures, self.retries))
 
     async def reconstruct(self, source: str | Path, **options: object) -> Result:
-        """As `Client.reconstruct`."""
+        """See `Client.reconstruct`."""
         return await self._run("reconstruction", source, options)
 
     async def upscale(self, source: str | Path, **options: object) -> Result:
-        """As `Client.upscale`."""
+        """See `Client.upscale`."""
         return await self._run("upscale", source, options)
 
     async def render_eia(self, source: str | Path, **options: object) -> Result:
-        """As `Client.render_eia`."""
+        """See `Client.render_eia`."""
         return await self._run("elemental", source, options)
 
     async def make_display_picture(self, source: str | Path, **options: object) -> Result:
-        """As `Client.make_display_picture`."""
+        """See `Client.make_display_picture`."""
         return await self._run("display", source, options)
 
     async def refocus(self, source: str | Path, **options: object) -> Result:
-        """As `Client.refocus`."""
+        """See `Client.refocus`."""
         return await self._run("plane", source, options)
 
     async def disparity(self, source: str | Path, **options: object) -> Result:
-        """As `Client.disparity`."""
+        """See `Client.disparity`."""
         return await self._run("disparity", source, options)
 
     async def inspect(self, source: str | Path, **options: object) -> dict[str, Any]:
-        """As `Client.inspect`."""
+        """See `Client.inspect`."""
         return messages.read_inspection(await self._run("inspection", source, options))
 
     async def submit(self, source: str | Path, kind: KindName = "reconstruction", **options: object) -> AsyncJob:
-        """As `Client.submit`."""
+        """See `Client.submit`."""
         return AsyncJob(self, messages.read_path(await self._post(kind, source, options, {"Prefer": "respond-async"})))
 
     def job(self, id_: str, kind: KindName = "reconstruction") -> AsyncJob:
-        """As `Client.job`; not to be awaited."""
+        """See `Client.job`. Not a coroutine."""
         return AsyncJob(self, messages.make_path(id_, kind))
 
     async def models(self) -> list[dict[str, Any]]:
-        """As `Client.models`."""
+        """See `Client.models`."""
         return messages.read_models(await self.get("/v1/models"))
 
     async def _run(self, kind: KindName, source: str | Path, options: Mapping[str, object]) -> Result:
@@ -225,7 +227,7 @@ class Job(messages.JobPath):
         self._client = client
 
     def status(self) -> dict[str, Any]:
-        """The job's status, as `GET` of its path answers it."""
+        """Returns the job's status, as answered by `GET` of its path."""
         return messages.read_status(self._client.get(self.path))
 
     def events(self) -> Iterator[Event]:
@@ -252,24 +254,24 @@ class Job(messages.JobPath):
     def cancel(self) -> dict[str, Any]:
         """Cancels the job, or removes one that has ended, and returns its last status.
 
-        It goes on if another client has asked for the same.
+        The job goes on if another client has asked for the same.
         """
         return messages.read_status(self._client.delete(self.path))
 
 
 class AsyncJob(messages.JobPath):
-    """As `Job`, for asyncio."""
+    """The same as `Job`, for asyncio."""
 
     def __init__(self, client: AsyncClient, path: str) -> None:
         super().__init__(path)
         self._client = client
 
     async def status(self) -> dict[str, Any]:
-        """As `Job.status`."""
+        """See `Job.status`."""
         return messages.read_status(await self._client.get(self.path))
 
     async def events(self) -> AsyncIterator[Event]:
-        """As `Job.events`."""
+        """See `Job.events`."""
         cursor = messages.Cursor(self._client.retries)
         while not cursor.is_at_end:
             try:
@@ -284,11 +286,11 @@ class AsyncJob(messages.JobPath):
                 await asyncio.sleep(messages.PAUSE_SECONDS)
 
     async def result(self) -> Result:
-        """As `Job.result`."""
+        """See `Job.result`."""
         async for _ in self.events():
             pass
         return messages.read_result(await self._client.get(f"{self.path}/result"))
 
     async def cancel(self) -> dict[str, Any]:
-        """As `Job.cancel`."""
+        """See `Job.cancel`."""
         return messages.read_status(await self._client.delete(self.path))

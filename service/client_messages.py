@@ -1,4 +1,4 @@
-"""Requests and responses of the HTTP API, as both clients make and read them. Nothing here waits."""
+"""Requests and responses of the HTTP API, written and read the same way by both clients. Nothing here waits."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 FINAL = frozenset({"done", "failed", "cancelled"})
 PAUSE_SECONDS = 1.0
-"""Before a request is repeated, if the server names no time, and before a stream of events is opened again."""
+"""Pause before a request is repeated, if the server names no time, and before an event stream is opened again."""
 _BY_STATUS: dict[int, type[Error]] = {401: Unauthorized, 404: NotFound, 409: NotDone}
 _FOREIGN = "the response is not from a ciir server; check the URL and any proxy"
 
@@ -52,18 +52,18 @@ class Result:
     id: str
     content: bytes = field(repr=False)
     format: str
-    """The file's, such as `png` or `zip`; docs/formats.md has them all."""
+    """The file's format, such as `png` or `zip`; docs/formats.md lists them all."""
     timings_ms: dict[str, float]
     """Milliseconds of each stage; `stored` if the server had kept the result."""
     name: str
-    """Of the file, as the server gave it; a quilt's holds its layout."""
+    """The file's name, as given by the server; a quilt's name contains its layout."""
     notes: tuple[str, ...] = ()
-    """On what was done: those that the command line prints."""
+    """The notes that the command line prints."""
 
     def save(self, path: str | Path) -> None:
-        """Writes `content` to a file, or as `name` into a folder: one that is there, or `path` with a slash at its end.
+        """Writes `content` to a file, or as `name` into a folder: an existing one, or a `path` with a slash at its end.
 
-        Folders that are missing are made. Raises `InvalidOption` for a suffix of another format, and for a place where
+        Missing folders are created. Raises `InvalidOption` for a suffix of another format, and for a place where
         nothing can be written.
         """
         is_folder, path = str(path).endswith("/"), Path(path)
@@ -83,7 +83,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Event:
-    """An event of a job; numbered from 0."""
+    """An event of a job. Events are numbered from 0."""
 
     number: int
     kind: str
@@ -92,16 +92,16 @@ class Event:
 
 
 class JobPath:
-    """Where a job is on its server."""
+    """The path of a job on its server."""
 
     def __init__(self, path: str) -> None:
         self.path = path
-        """As in `GET`."""
+        """The path, as in `GET`."""
         self.id = path.rpartition("/")[2]
 
 
 class Cursor:
-    """How far a client is in a job's events."""
+    """A client's position in a job's events."""
 
     def __init__(self, retries: int) -> None:
         self._retries, self._last, self._failures = retries, "", 0
@@ -109,15 +109,15 @@ class Cursor:
 
     @property
     def headers(self) -> dict[str, str]:
-        """Of the request for the events that follow."""
+        """Headers of the request for the events that follow."""
         return {"Last-Event-ID": self._last} if self._last else {}
 
     def begin(self, response: httpx2.Response) -> None:
-        """Looks at the response: 204 if the job has no more events."""
+        """Checks the response, which is 204 if the job has no more events."""
         self.is_at_end = response.status_code == 204
 
     def take(self, event: ServerSentEvent) -> Event | None:
-        """The event as one of the job; None for one that only sets `retry`."""
+        """Returns the event as one of the job's, or None for one that only sets `retry`."""
         if not event.data:
             return None
         with _refuse_foreign("event stream"):
@@ -127,17 +127,17 @@ class Cursor:
         return found
 
     def fail(self, url: httpx2.URL, error: Exception) -> None:
-        """Counts a broken connection, and raises `ConnectionFailed` for one too many."""
+        """Counts a broken connection. Raises `ConnectionFailed` if there were too many."""
         self._failures += 1
         if self._failures > self._retries:
             raise error if isinstance(error, ConnectionFailed) else make_connection_error(url, error) from error
 
 
 def make_key(api_key: str | None) -> dict[bytes, bytes]:
-    """Headers with the API key. Raises `InvalidOption` for one that no header can hold."""
+    """Returns headers with the API key. Raises `InvalidOption` for a key that no header can hold."""
     if api_key is None:
         return {}
-    key = api_key.strip()  # as the server reads its own: one that comes from a file has a line end
+    key = api_key.strip()  # as the server does with its own keys: one from a file has a line end
     if not key.isprintable():
         raise InvalidOption("api_key: holds a line end or another control character; give one of the server's keys")
     return {b"Authorization": b"Bearer " + key.encode()}
@@ -150,8 +150,10 @@ def _check_kind(kind: str) -> None:
 
 
 def write_fields(kind: KindName, options: Mapping[str, object]) -> dict[str, str]:
-    """Form fields. Raises `InvalidOption`, also for a kind that there is not and an option that the kind of job hasn't,
-    and `Unreadable` for an option's file.
+    """Returns the form fields.
+
+    Raises `InvalidOption`, also for an unknown kind and for an option that this kind of job doesn't have, and
+    `Unreadable` for an option's file.
     """
     _check_kind(kind)
     known = KINDS[kind].options
@@ -162,8 +164,10 @@ def write_fields(kind: KindName, options: Mapping[str, object]) -> dict[str, str
 
 
 def open_source(path: Path) -> tuple[str, str | None, IO[bytes]]:
-    """The form's field, the file's name and the content to send: a file, a folder's files as a zip, the same bytes for
-    the same files, or the name of a shipped scene. Raises `Unreadable`.
+    """Returns the form's field, the file's name and the content to send. Raises `Unreadable`.
+
+    The content is a file, or a folder's files as a zip, with the same bytes for the same files, or the name of a
+    shipped scene.
     """
     from ciir.renderer.readers.bundle import Folder
     from ciir.service.pipeline.limits import read_limits
@@ -185,9 +189,10 @@ def open_source(path: Path) -> tuple[str, str | None, IO[bytes]]:
 
 
 def find_pause(response: httpx2.Response, failures: int, retries: int) -> float:
-    """Seconds until the request is repeated, which failed for the time `failures`; raises its error otherwise.
+    """Returns the seconds until a request that has failed `failures` times is repeated, or raises its error.
 
-    Without `Retry-After` a GET is not repeated: the result of a job that failed comes only after a new POST.
+    Without `Retry-After` a GET is not repeated: the result of a job that failed becomes available only after a new
+    POST.
     """
     wait = _read_retry_after(response)
     is_final = wait is None and response.request.method == "GET"
@@ -202,7 +207,7 @@ def _read_retry_after(response: httpx2.Response) -> int | None:
 
 
 def make_error(response: httpx2.Response) -> Error:
-    """The error that a response without success reports."""
+    """Returns the error that an unsuccessful response reports."""
     status = response.status_code
     what = f"{status} {response.reason_phrase}"
     if not response.headers.get("content-type", "").startswith("application/problem+json"):
@@ -218,7 +223,7 @@ def make_error(response: httpx2.Response) -> Error:
 
 @contextmanager
 def _refuse_foreign(what: object) -> Iterator[None]:
-    """Raises `ServiceError` in place of the errors of reading what no ciir server sends; `what` begins the message."""
+    """Raises `ServiceError` instead of the errors from reading what no ciir server sends. `what` begins the message."""
     try:
         yield
     except (LookupError, TypeError, ValueError, RecursionError) as error:
@@ -226,22 +231,25 @@ def _refuse_foreign(what: object) -> Iterator[None]:
 
 
 def _check(value: Any, kind: type[T]) -> T:
-    """`value`, which must be of that type. Raises `TypeError`."""
+    """Returns `value`, which must have that type. Raises `TypeError`."""
     if not isinstance(value, kind):
         raise TypeError(f"{type(value).__name__} in place of {kind.__name__}")
     return value
 
 
 def make_connection_error(url: httpx2.URL, error: Exception) -> ConnectionFailed:
-    """The error that reports a failure to connect, send or receive."""
+    """Returns the error that reports a failure to connect, send or receive."""
     if url.scheme not in ("http", "https"):
-        return ConnectionFailed(f"{url}: no server's URL; give one that begins with http:// or https://")
+        return ConnectionFailed(f"{url}: this is not a server's URL; give one that begins with http:// or https://")
     why = str(error).rstrip(".") or type(error).__name__
-    return ConnectionFailed(f"{url}: {why}; check the URL, and whether the server runs")
+    return ConnectionFailed(f"{url}: {why}; check the URL, and whether the server is running")
 
 
 def read_status(response: httpx2.Response) -> dict[str, Any]:
-    """The job's status that a response holds. Raises `ServiceError` for anything else, as all that follow do."""
+    """Returns the job's status in a response.
+
+    Raises `ServiceError` for anything else, like all the following functions.
+    """
     with _refuse_foreign(response.status_code):
         status: dict[str, Any] = _check(response.json(), dict)
         _check(status["events"], str)
@@ -249,13 +257,13 @@ def read_status(response: httpx2.Response) -> dict[str, Any]:
 
 
 def read_models(response: httpx2.Response) -> list[dict[str, Any]]:
-    """The list of models that a response holds."""
+    """Returns the list of models in a response."""
     with _refuse_foreign(response.status_code):
         return [_check(model, dict) for model in _check(response.json(), list)]
 
 
 def read_path(response: httpx2.Response) -> str:
-    """The path of the job whose status a response holds."""
+    """Returns the path of the job whose status is in a response."""
     events: str = read_status(response)["events"]
     found = re.fullmatch(r"(/v1/[a-z]+/[0-9a-f]{32})/events", events)
     if found is None:
@@ -264,27 +272,27 @@ def read_path(response: httpx2.Response) -> str:
 
 
 def make_path(id_: str, kind: KindName) -> str:
-    """The path of a job. Raises `InvalidOption`."""
+    """Returns the path of a job. Raises `InvalidOption`."""
     _check_kind(kind)
     if re.fullmatch("[0-9a-f]{32}", id_) is None:
-        raise InvalidOption(f"id: {id_[:40]!r} is no job's; give the 32 digits of Job.id or of its path")
+        raise InvalidOption(f"id: {id_[:40]!r} is not a job's id; give the 32 digits of Job.id or of its path")
     return f"/v1/{KINDS[kind].plural}/{id_}"
 
 
 def read_inspection(result: Result) -> dict[str, Any]:
-    """What an inspection found."""
+    """Returns what an inspection found."""
     with _refuse_foreign("inspection"):
         found: dict[str, Any] = _check(json.loads(result.content), dict)
         return found
 
 
 def read_result(response: httpx2.Response) -> Result:
-    """The result that a response holds."""
+    """Returns the result in a response."""
     with _refuse_foreign(response.status_code):
         parts = [part.split(";dur=") for part in response.headers.get("server-timing", "").split(", ") if part]
         file = Path(response.headers["content-disposition"].rstrip('"').rpartition('"')[2])
         timings = {stage: float(ms) for stage, ms in parts}
-        formats = {kind.suffix: name for name, kind in reversed(FILE_TYPES.items())}  # of several the first one
+        formats = {kind.suffix: name for name, kind in reversed(FILE_TYPES.items())}  # the first one of several
         id_ = response.headers["etag"].removeprefix("W/").strip('"').partition("-")[0]
         notes = tuple(_check(json.loads(response.headers.get("x-notes", "[]")), list))
         return Result(id_, response.content, formats[file.suffix], timings, file.name, notes)

@@ -1,4 +1,4 @@
-"""One table from classes of errors to exit statuses of the command line and status codes of HTTP."""
+"""One table that maps classes of errors to exit statuses of the command line and status codes of HTTP."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class ErrorResponse:
 
 
 CANCELLED = "Cancelled"
-"""The title of a problem, where the result of a job that was cancelled is asked for."""
-_TABLE: tuple[tuple[type[errors.Error], ErrorResponse], ...] = (  # the first row whose class fits counts
+"""The title of the problem if the result of a cancelled job is asked for."""
+_TABLE: tuple[tuple[type[errors.Error], ErrorResponse], ...] = (  # the first row whose class fits is used
     (errors.TooLarge, ErrorResponse(413, 2, "Over a limit")),
     (errors.UnsupportedType, ErrorResponse(415, 2, "Type not supported")),
     (errors.Unreadable, ErrorResponse(422, 2, "Not readable")),
@@ -42,17 +42,17 @@ _TABLE: tuple[tuple[type[errors.Error], ErrorResponse], ...] = (  # the first ro
 
 
 def find_response(error: errors.Error) -> ErrorResponse:
-    """The first row of the table that fits `error`."""
+    """Returns the first row of the table that fits `error`."""
     return next(row for kind, row in _TABLE if isinstance(error, kind))
 
 
 def find_class(title: str) -> type[errors.Error] | None:
-    """The class of the errors that `title` reports; None for a problem of HTTP."""
+    """Returns the class of errors that `title` reports, or None for a problem of HTTP itself."""
     if title == CANCELLED:
         return errors.Cancelled
     return next((kind for kind, row in _TABLE if row.title == title and kind is not errors.Error), None)
 
 
 def join_lines(text: str) -> str:
-    """`text` with each run of white space as one space, so that a message with any file name in it is one line."""
+    """Replaces each run of white space with one space, so that a message with any file name in it is one line."""
     return " ".join(text.split())

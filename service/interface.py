@@ -1,4 +1,4 @@
-"""The Python interface: open, render, upscale and reconstruct light fields in memory. `import ciir` shows it."""
+"""The Python interface: opens, renders, upscales and reconstructs light fields in memory. `import ciir` exports it."""
 
 from __future__ import annotations
 
@@ -46,16 +46,17 @@ class Reconstruction:
     """The views of a reconstruction and its report."""
 
     views: Mapping[View, Pixels]
-    """By (v, u), `(H, W, C)`, uint8 or uint16, in the order they were asked for; of several times or yaws by
-    (0, number)."""
+    """By (v, u), `(H, W, C)`, uint8 or uint16, in the order they were asked for. The frames for several times or yaws
+    are keyed by (0, number)."""
     report: Report
     """What was read, the lens array, the plan and its reasons, the model, notes, and the time of each stage."""
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Writes the views: one as a picture, or several into a `.zip`, an `.npz` or a folder, with the report; one
-        view at several times or yaws into a `.mp4`, `.webm`, `.gif` or `.webp`, too.
+        """Writes the views with the report.
 
-        Raises `InvalidOption` where `path` can't be written or its format can't hold the views.
+        One view is written as a picture, several into a `.zip`, an `.npz` or a folder. One view at several times or
+        yaws can also be written as a `.mp4`, `.webm`, `.gif` or `.webp`. Raises `InvalidOption` if `path` can't be
+        written or its format can't hold the views.
         """
         from ciir.renderer.writers.views import save_views
 
@@ -71,7 +72,10 @@ class Reconstruction:
         )
 
     def _repr_png_(self) -> bytes:
-        """The first view, for Jupyter; levels of a camera of fewer bits than 16 fill the range."""
+        """Returns the first view as a PNG, for Jupyter.
+
+        Levels from a camera with fewer than 16 bits are scaled to the full range.
+        """
         views = list(self.views.values())
         return encode_png(raise_levels(views[0], count_unused_camera_bits(*views)))
 
@@ -99,29 +103,30 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     progress: Progress | None = None,
 ) -> LightField:
     """Reads a light field: an elemental image array, a raw lenslet picture, a folder or zip of views, or a container
-    of `docs/formats.md` such as `.npz`, `.mat`, `.h5`, a TIFF stack or a video.
+    from `docs/formats.md` such as `.npz`, `.mat`, `.h5`, a TIFF stack or a video.
 
-    `path`: of it, or its content as bytes or as a file object that is open for reading bytes, whose `name` gives the
-    suffix where it has one.
-    `lenses`: rows and columns of lenses; `pixels`: rows and columns of pixels under each. An elemental image array
-    needs one of them. `pickup`: `optical` where each elemental image is turned by 180 degrees, as real lenses do;
-    None: as a PNG that was written here says, else `virtual`.
-    `frame`: of a video of elemental image arrays, which have `lenses`, the one to read.
-    `crop`: pixels of margin around it, (top, left, bottom, right). `arrangement`: `eia`, `mosaic` (views side by side,
-    `pixels` rows and columns of them, or each of `lenses` pixels), or `auto`: a mosaic where it certainly is one.
-    `order`: `auto` puts a set of views whose names give a wrong order right where that is certain, with a note; `given`
-    keeps the order of the names; with `rows` or `columns` the first number in them is the row or the column; with
-    `serpentine` every other row of views, the second one first, is from right to left.
-    `transpose` exchanges rows and columns of views, then `flip` reverses their order in `u`, `v` or `uv`,
-    for files that count them from the other end; the depth sense stays, so that `uv` inverts depth. `depth_sense`:
-    `lenses` or `cameras`, where the file doesn't say what its views count, or is wrong; their order stays.
-    `lens_pitch`: pixels from lens to lens of a raw lenslet picture, or `auto`, to find its lens grid in it;
-    `lens_offset`: (y, x) of one lens's centre in pixels, `lens_rotation`: degrees by which rows of lenses go down to
-    the right, `lens_grid`: `square` or `hexagonal`; each is found where it is not given. `white`, `dark`: paths of its
-    frames; `show_grid`: a PNG to write, the grid over the picture.
+    `path`: the file or folder; or its content, as bytes or as a file object opened for reading bytes, whose `name`, if
+    it has one, gives the suffix.
+    `lenses`: rows and columns of lenses; `pixels`: rows and columns of pixels under each lens. An elemental image array
+    needs one of them. `pickup`: `optical` if each elemental image is turned by 180 degrees, as real lenses do. None
+    means what a PNG written by this package says, else `virtual`.
+    `frame`: which frame to read from a video of elemental image arrays, which needs `lenses`.
+    `crop`: margins in pixels, (top, left, bottom, right). `arrangement`: `eia`; `mosaic` (views side by side, `pixels`
+    rows and columns of them, or each of `lenses` pixels); or `auto`, which takes a picture as a mosaic only if it
+    certainly is one.
+    `order`: `auto` corrects a set of views whose names give a wrong order if that is certain, with a note; `given`
+    keeps the order of the names; with `rows` or `columns` the first number in the names is the row or the column; with
+    `serpentine` every other row of views, starting with the second, runs from right to left.
+    `transpose` swaps rows and columns of views, then `flip` reverses their order in `u`, `v` or `uv`, for files that
+    count them from the other end. The depth sense stays, so that `uv` inverts depth. `depth_sense`: `lenses` or
+    `cameras`, if the file doesn't say what its views count, or is wrong; their order stays.
+    `lens_pitch`: pixels from lens to lens in a raw lenslet picture, or `auto` to find its lens grid in it.
+    `lens_offset`: (y, x) of one lens's centre in pixels; `lens_rotation`: the degrees by which rows of lenses go down
+    to the right; `lens_grid`: `square` or `hexagonal`. Each of them is found if it is not given. `white`, `dark`: paths
+    of its white and dark frames. `show_grid`: a PNG to write, with the grid drawn over the picture.
     `progress(done, total)` counts inputs: it is called with (0, 1) and (1, 1).
 
-    Raises `ciir.Error`; a mesh is refused with `InvalidOption`, since `render` takes it.
+    Raises `ciir.Error`. A mesh is refused with `InvalidOption`; use `render` for it.
     """
     if progress is not None:
         progress(0, 1)
@@ -178,18 +183,19 @@ def render(
 ) -> LightField:
     """Renders all views of a mesh: a file, a folder or zip with one, or `scene:vase`, `scene:globe`, `scene:hamburger`.
 
-    `mesh`: also the content of a file, as for `open`.
+    `mesh` can also be the content of a file, as for `open`.
 
-    `lenses`: rows and columns, the pixels of a view; `pixels`: rows and columns under a lens, the number of views.
-    `sampling`: `pinhole`, one point for each lens; `lenslet`, the mean over the pitch. `backend`: `raster` (OpenGL),
-    `raytrace` (Embree) or `auto`. `background`: RGB, 0 to 255. `pitch`: distance between lenses in scene units.
-    `delta`: tangent from one pixel to the next, by default 0.4 / the larger count of `pixels`; or `parallax`: the whole
-    viewing angle in degrees. `up`: the mesh's axis that points up. `rotate`: yaw, pitch and roll in degrees. `zoom`:
-    factor on the size at which every view holds the object. `place`: -1, the default, behind the array, 0 astride, 1
-    before it. `fit`: `none` for a mesh in the array's own coordinates, such as a captured model. `light`: azimuth and
-    elevation in degrees. `ciir.renderer.placement.Placement` says more of the last six.
+    `lenses`: rows and columns of lenses, which are the pixels of a view; `pixels`: rows and columns under a lens, which
+    give the number of views. `sampling`: `pinhole`, one point for each lens; `lenslet`, the mean over the pitch.
+    `backend`: `raster` (OpenGL), `raytrace` (Embree) or `auto`. `background`: RGB, 0 to 255. `pitch`: distance between
+    lenses in scene units. `delta`: tangent from one pixel to the next, by default 0.4 / the larger number in `pixels`;
+    or `parallax`: the whole viewing angle in degrees. `up`: the mesh's axis that points up. `rotate`: yaw, pitch and
+    roll in degrees. `zoom`: factor on the size at which every view holds the object. `place`: -1, the default, behind
+    the array, 0 centred on it, 1 in front of it. `fit`: `none` for a mesh in the array's own coordinates, such as a
+    captured model. `light`: azimuth and elevation in degrees. `ciir.renderer.placement.Placement` describes the last
+    six in detail.
     `time`: seconds from the start of a glTF file's animation; `animation`: its name, or its number from 0. `camera`:
-    the name, or the number from 0, of a camera in a glTF file whose picture the centre view shows, by parallel rays.
+    the name, or the number from 0, of a camera in a glTF file; the centre view shows its picture, with parallel rays.
     `progress(done, total)` counts light fields: it is called with (0, 1) and (1, 1).
 
     Returns `(V, U, H, W, 3)` uint8. Raises `ciir.Error`.
@@ -258,12 +264,14 @@ def upscale(
     """Upscales every view of a light field, or one picture, `(H, W)` or `(H, W, C)`, uint8 or uint16.
 
     `model`: a name that `ciir models` lists; `auto` takes a light-field network for a grid of 3x3 views and more, else
-    the default of single pictures. `skip`: whether pixels whose result is known are skipped, which changes no pixel.
-    `sampling`: `lenslet` of a rendered array of lenslets, whose means over the lenses then stay means. Of captured
-    light fields it is found, and so is whether they are free of noise. `progress(done, total)` counts views.
+    the default for single pictures. `skip`: whether pixels whose result is known are skipped, which changes no pixel.
+    `sampling`: `lenslet` for views that were rendered with it, so that means over the lenses stay means. For captured
+    light fields the sampling is detected, and so is whether they are free of noise. `progress(done, total)` counts
+    views.
 
-    Returns the same kind, `scale` times as large along each side; with `model` `none` it stays as large, whatever the
-    scale. Raises `ciir.Error`.
+    Returns the same type, `scale` times as large along each side; with `model` `none` the size stays, whatever the
+    scale.
+    Raises `ciir.Error`.
     """
     light_field = images if isinstance(images, LightField) else as_light_field(images)
     if light_field is not images and any(entry.name == model and entry.is_light_field for entry in list_entries()):
@@ -279,7 +287,7 @@ def upscale(
 
 
 def reconstruct(source: Given, *, progress: Progress | None = None, **options: Any) -> Reconstruction:
-    """Runs the main job in memory: views of a mesh, an elemental image array or a set of views, upscaled.
+    """Runs the main job in memory: makes views of a mesh, an EIA or a set of views, and upscales them.
 
     `source`: a file, a folder, a zip, `scene:NAME`, a light field, or the content of a file, as for `open`. `options`
     are those of `ciir reconstruct`:
@@ -287,11 +295,11 @@ def reconstruct(source: Given, *, progress: Progress | None = None, **options: A
     `backend`, `sampling`, `pickup`, `arrangement`, `order`, `flip`, `depth_sense`, `fit`: names;
     `crop`: (top, left, bottom, right); `scale`; `skip`, `transpose`: bools; `background`: RGB from 0 to 255; `pitch`,
     `delta`, `zoom`, `place`: numbers; `parallax`, `rotate`, `light`: degrees; `up`: `"y"` or `"z"`; `neighbour_time`:
-    seconds; `time`: seconds, several such as `(0, 0.5, 1)` or `"0:2:48"` for one view at each; `animation`, `camera`: a
-    name or a number. Text is read as on the command line.
+    seconds; `time`: seconds, or several such as `(0, 0.5, 1)` or `"0:2:48"` for one view at each; `animation`,
+    `camera`: a name or a number. Text is parsed as on the command line.
     `progress(done, total)` counts views.
 
-    Raises `ciir.Error`; options of files, such as `fps`, are refused, as no file is written.
+    Raises `ciir.Error`. Options of output files, such as `fps`, are refused, because no file is written.
     """
     names = [name for name in RECONSTRUCTION if name not in WRITING]
     writer = MemoryWriter()

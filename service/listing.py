@@ -1,4 +1,4 @@
-"""The list of models of `ciir models --json` and `GET /v1/models`."""
+"""The list of models for `ciir models --json` and `GET /v1/models`."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from ciir.models import catalogue
 
 
 def list_models() -> list[dict[str, Any]]:
-    """Name, kind, scales, input, `default` (for single pictures), `unsupported_reason` (why this processor can't run
-    it, or None) and card (or None) of each model of the catalogue."""
+    """Lists the models of the catalogue: name, kind, scales and input of each, `default` (for single pictures),
+    `unsupported_reason` (why this processor can't run it, or None) and card (or None)."""
     default = catalogue.default_name()
     return [
         {

@@ -9,23 +9,23 @@ from contextvars import ContextVar
 from typing import Literal
 
 REQUEST_ID: ContextVar[str] = ContextVar("request_id", default="-")
-"""Id of the request that the current task or thread works for; `-` if there is none."""
+"""Id of the request that the current task or thread works on; `-` if there is none."""
 FIELDS = "fields"
-"""Key of `extra={FIELDS: {...}}` in a log call: JSON lines hold the fields, text lines only the message."""
+"""Key of `extra={FIELDS: {...}}` in a log call. JSON lines contain the fields, text lines only the message."""
 _TEXT = "%(asctime)s %(levelname)s %(name)s [%(request_id)s] %(message)s"
 
 
 def _add_request_id(record: logging.LogRecord) -> bool:
-    """A filter that lets every line through and gives it the id."""
+    """Adds the request's id to a line. A filter that lets every line through."""
     record.request_id = REQUEST_ID.get()
     return True
 
 
 class _Json(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
-        """An object on one line: `time` (UTC), `level`, `logger`, `request_id`, `message`, the fields, `exception`.
+        """Formats an object: `time` (UTC), `level`, `logger`, `request_id`, `message`, fields, `exception`.
 
-        A message `job %s...` gives the field `job`, its first argument.
+        For a message `job %s...` the field `job` is its first argument.
         """
         seconds = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
         entry = {
@@ -44,7 +44,7 @@ class _Json(logging.Formatter):
 
 
 def configure(form: Literal["text", "json"]) -> None:
-    """Sends log lines to stderr: from INFO up those of `ciir` and uvicorn, from WARNING up those of libraries."""
+    """Sends log lines to stderr: those of `ciir` and uvicorn from INFO up, those of libraries from WARNING up."""
     handler = logging.StreamHandler()
     handler.addFilter(_add_request_id)
     handler.setFormatter(_Json() if form == "json" else logging.Formatter(_TEXT))

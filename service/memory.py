@@ -6,17 +6,18 @@ import ctypes
 from pathlib import Path
 
 HEAPS = 2
-"""Of `ciir serve` and `ciir worker`, whose threads mostly wait, and of `ciir reconstruct`, which is no slower so."""
+"""Heaps for `ciir serve` and `ciir worker`, whose threads mostly wait, and for `ciir reconstruct`, which isn't
+slower."""
 SYSTEM = Path("/proc")
-"""Where Linux describes itself: proc(5)."""
+"""The place where Linux describes itself: proc(5)."""
 _M_ARENA_MAX = -8  # malloc.h
 
 
 def limit_heaps(most: int) -> None:
-    """Has all threads of this process share `most` heaps: each keeps memory that was freed in it.
+    """Makes all threads of this process share `most` heaps, because each heap keeps the memory that was freed in it.
 
-    By default there are 8 for each core. Has no effect on other C libraries than glibc. Call it while the process has
-    one thread.
+    By default there are 8 for each core. This has no effect with C libraries other than glibc. Call it while the
+    process has only one thread.
     """
     libc = ctypes.CDLL(None)
     if hasattr(libc, "mallopt"):
@@ -24,14 +25,15 @@ def limit_heaps(most: int) -> None:
 
 
 def may_lack(wanted: int) -> bool:
-    """Whether the system would refuse a process `wanted` bytes of memory: only where it promises no more than it has.
+    """Checks whether the system would refuse a process `wanted` bytes of memory.
 
-    That is vm.overcommit_memory=2 of Linux; otherwise the system ends processes when memory is short.
+    It only does so if it promises no more than it has (vm.overcommit_memory=2 on Linux). Otherwise the system ends
+    processes when memory is short.
     """
     try:
         mode = (SYSTEM / "sys/vm/overcommit_memory").read_text()
         lines = (SYSTEM / "meminfo").read_text().splitlines()
-    except FileNotFoundError:  # another system
+    except FileNotFoundError:  # not Linux
         return False
     kibibytes = {name: int(rest.split()[0]) for name, _, rest in (line.partition(":") for line in lines)}
     return mode.strip() == "2" and 1024 * (kibibytes["CommitLimit"] - kibibytes["Committed_AS"]) < wanted

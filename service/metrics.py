@@ -16,7 +16,7 @@ _SKIPPED = ("uniform", "repeated")
 
 
 class Metrics:
-    """The metrics of one process, in a registry of their own."""
+    """The metrics of one process, in their own registry."""
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()
@@ -36,31 +36,31 @@ class Metrics:
         self.waiting = gauge("ciir_queue_waiting", "Waiting jobs")
         self.jobs = gauge("ciir_queue_jobs", "Jobs on all machines; state: queued or running", ("lane", "state"))
         self.oldest = gauge(
-            "ciir_queue_oldest_seconds", "Of the job that has waited, or has run, the longest", ("lane", "state")
+            "ciir_queue_oldest_seconds", "Time of the job that has waited, or has run, the longest", ("lane", "state")
         )
         self.queue_up = gauge("ciir_queue_up", "1 if the queue can be reached, else 0")
         self.workers = gauge("ciir_workers", "Worker processes of this machine that have loaded the models")
-        self.busy = gauge("ciir_workers_busy", "Worker processes of this machine that run a job")
+        self.busy = gauge("ciir_workers_busy", "Worker processes of this machine that are running a job")
         self.ended = counter(
             "ciir_jobs_ended", "Jobs ended; status: 200, a problem's, or an exception's name", ("status",)
         )
-        self.seconds = histogram("ciir_job_seconds", "Of a worker process per job")
+        self.seconds = histogram("ciir_job_seconds", "Time of a worker process per job")
         self.stages = counter("ciir_stage_seconds", "Seconds of finished jobs by stage", ("stage",))
         self.written = counter("ciir_result_bytes", "Bytes of the results of finished jobs")
         self.pixels = counter("ciir_model_pixels", "Input pixels of models")
         self.skipped = counter("ciir_model_pixels_skipped", "Input pixels that needed no model, by reason", ("reason",))
 
     def text(self) -> bytes:
-        """All metrics in Prometheus' text format."""
+        """Returns all metrics in Prometheus' text format."""
         return generate_latest(self.registry)
 
     def count_result(self, size: int, report: Mapping[str, Any]) -> None:
-        """Adds the stages, bytes and pixels of a finished job; `size`: bytes of its result."""
+        """Adds the stages, bytes and pixels of a finished job. `size`: bytes of its result."""
         self.written.inc(size)
         for stage, milliseconds in report["timings_ms"].items():
             self.stages.labels(stage).inc(milliseconds / 1000)
         skipped: Mapping[str, float] | None = report.get("plan", report).get("skipped")
-        if skipped is not None and "pixels" in skipped:  # a mesh has `culled` even where no model ran
+        if skipped is not None and "pixels" in skipped:  # a mesh has `culled` even if no model ran
             self.pixels.inc(skipped["pixels"])
             for reason in _SKIPPED:
                 self.skipped.labels(reason).inc(round(skipped["pixels"] * skipped[reason]))

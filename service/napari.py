@@ -1,7 +1,7 @@
 """The plugin for napari (https://napari.org): light fields as layers, with their disparity and depth planes.
 
-`ciir/napari.yaml` is its manifest (npe2). Layers are napari's `LayerData` tuples: data, keyword arguments, kind.
-Nothing of napari is imported. A layer of a light field has the axes v, u, y, x.
+`ciir/napari.yaml` is its manifest (npe2). Layers are napari's `LayerData` tuples: data, keyword arguments, kind. The
+plugin imports nothing from napari. A layer with a light field has the axes v, u, y, x.
 """
 
 from __future__ import annotations
@@ -27,17 +27,20 @@ AXES = ("v", "u", "y", "x")
 
 
 def get_reader(path: str | list[str]) -> Callable[[str], list[LayerData]] | None:
-    """The function that reads `path`; None for several paths, which are several layers."""
+    """Returns the function that reads `path`, or None for several paths, which are several layers."""
     return read_layers if isinstance(path, str) else None
 
 
 def read_layers(path: str) -> list[LayerData]:
-    """The light field at `path`, of any format that needs no options. Raises `ciir.Error`."""
+    """Reads the light field at `path`, in any format that needs no options. Raises `ciir.Error`."""
     return [make_layer(open_light_field(path), Path(path).stem)]
 
 
 def make_layer(light_field: LightField, name: str) -> LayerData:
-    """A light field as an image `(V, U, H, W[, C])` with sliders for v and u, without the alpha of grey views."""
+    """Makes an image layer `(V, U, H, W[, C])` from a light field, with sliders for v and u.
+
+    Alpha of grey views is left out.
+    """
     views = light_field.views
     is_rgb = views.shape[4] > 2
     metadata = {"depth_sense": light_field.depth_sense, "notes": list(light_field.notes)}
@@ -48,13 +51,16 @@ def make_layer(light_field: LightField, name: str) -> LayerData:
 def open_elemental_images(
     path: Path = Path(), lens_rows: int = 0, lens_columns: int = 0
 ) -> napari.types.LayerDataTuple:
-    """An elemental image array with that many lenses as a layer; with 0, any other light field. Raises `ciir.Error`."""
+    """Reads an elemental image array with that many lenses as a layer; with 0, any other light field.
+
+    Raises `ciir.Error`.
+    """
     lenses = (lens_rows, lens_columns) if lens_rows or lens_columns else None
     return make_layer(open_light_field(path, lenses=lenses), path.stem)
 
 
 def find_disparity(layer: napari.layers.Image) -> list[napari.types.LayerDataTuple]:
-    """The disparity of the centre view of the light field in `layer`, larger where it is nearer, and its confidence.
+    """Estimates the disparity of the centre view of the light field in `layer`, larger when nearer, and its confidence.
 
     Raises `ciir.Error`.
     """
@@ -68,8 +74,9 @@ def find_disparity(layer: napari.layers.Image) -> list[napari.types.LayerDataTup
 def make_planes(
     layer: napari.layers.Image, least: float = -1.0, largest: float = 1.0, number: int = 11
 ) -> napari.types.LayerDataTuple:
-    """`number` depth planes of the light field in `layer`, from disparity `least` to `largest`, the nearest, with a
-    slider of their own; they are the same at each v and u. Raises `ciir.Error`.
+    """Makes `number` depth planes of the light field in `layer`, with a slider, from disparity `least` to `largest`.
+
+    The largest is the nearest. The planes are the same at each v and u. Raises `ciir.Error`.
     """
     light_field = _read_layer(layer)
     disparities = np.linspace(least, largest, max(1, number))
@@ -83,7 +90,7 @@ def make_planes(
 
 
 def _read_layer(layer: napari.layers.Image) -> LightField:
-    """The light field that `layer` shows. Raises `InvalidOption` where it shows something else."""
+    """Returns the light field that `layer` shows. Raises `InvalidOption` if it shows something else."""
     views = np.asarray(layer.data)
     sense = layer.metadata.get("depth_sense", "cameras")
     return LightField(views if layer.rgb else views[..., np.newaxis], depth_sense=sense, is_ordered=True)

@@ -1,4 +1,4 @@
-"""Writes a reconstruction to a file or a folder, as its name asks for."""
+"""Writes a reconstruction to a file or a folder, depending on its name."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 def write_file(
     source: Source, options: Options, path: Path, name: str = "", *, progress: Progress | None = None
 ) -> Report:
-    """Writes the views in the format `name`, by default that of the suffix; raises as
-    `service.pipeline.run.reconstruct`.
+    """Writes the views in the format `name`, by default that of the suffix.
+
+    Raises the same errors as `service.pipeline.run.reconstruct`.
     """
     suffix = path.suffix.lower()
     formats = BY_SUFFIX_OF_TIMES if options.moments else BY_SUFFIX
@@ -35,7 +36,10 @@ def write_file(
 def write_folder(
     source: Source, options: Options, path: Path, *, given: Path | None = None, progress: Progress | None = None
 ) -> Report:
-    """Writes the views and the report to a folder, but not over `given`, the input; raises as `write_file`."""
+    """Writes the views and the report to a folder, but not over `given`, the input.
+
+    Raises the same errors as `write_file`.
+    """
     check_options(options.make_writer_options(), (), "a folder of views")
     with FolderWriter(path, given) as writer:
         return run.reconstruct(source, options, writer, progress=progress)

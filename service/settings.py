@@ -1,4 +1,7 @@
-"""Settings of the service, read from environment variables `CIIR_...`. Their docstrings make docs/settings.md."""
+"""Settings of the service, read from environment variables `CIIR_...`.
+
+docs/settings.md is made from their docstrings.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,7 @@ def _limit(field: str) -> Any:
 
 
 def _split_list(given: object) -> object:
-    """The items between commas or line ends without repeats and outer spaces."""
+    """Splits the text at commas or line ends, without repeated items and outer spaces."""
     if isinstance(given, str):
         found = tuple(dict.fromkeys(part.strip() for part in re.split(r"[,\r\n]", given) if part.strip()))
         if not found:  # an empty list of keys would open the server to everybody
@@ -44,13 +47,13 @@ def _split_list(given: object) -> object:
 
 def _check_queue(given: str) -> str:
     if given and re.match(r"(rediss?|unix)://.", given) is None:
-        raise ValueError("no address of a Redis server, such as redis://localhost:6379/0")
+        raise ValueError("not the address of a Redis server, such as redis://localhost:6379/0")
     return given
 
 
 def _check_files(given: str) -> str:
-    """An address as it is, or a folder's absolute path; empty for the default."""
-    if re.match(r"[A-Za-z0-9+]+:(?!//)", given):  # a folder in fact, but s3:BUCKET is meant as an address
+    """Returns an address as it is, or a folder's absolute path; empty for the default."""
+    if re.match(r"[A-Za-z0-9+]+:(?!//)", given):  # this is a valid folder name, but s3:BUCKET is meant as an address
         raise ValueError("an address without //")
     if not given or "://" in given:
         return given
@@ -58,7 +61,7 @@ def _check_files(given: str) -> str:
 
 
 def parse_host(host: str) -> str:
-    """The name or address in a `Host`, in lower case, without port and brackets. Raises `ValueError`."""
+    """Returns the name or address in a `Host`, in lower case, without port and brackets. Raises `ValueError`."""
     parts = urlsplit(f"//{host}")
     if parts.netloc != host or "@" in host or not parts.hostname:
         raise ValueError("no host")
@@ -66,14 +69,17 @@ def parse_host(host: str) -> str:
 
 
 def _parse_hosts(given: tuple[str, ...]) -> tuple[str, ...]:
-    """The hosts as `parse_host` gives them; an IPv6 address may be without brackets."""
+    """Returns the hosts as `parse_host` does. An IPv6 address can be given without brackets."""
     if any("*" in host and host != "*" for host in given):
-        raise ValueError("an asterisk stands for no part of a name")
+        raise ValueError("an asterisk can't stand for a part of a name")
     return tuple(parse_host(f"[{host}]" if host.count(":") > 1 and host[0] != "[" else host) for host in given)
 
 
 def _parse_origins(given: tuple[str, ...]) -> tuple[str, ...]:
-    """The origins as browsers send them: in lower case, without the scheme's usual port. `*` is any, `null` none."""
+    """Returns the origins as browsers send them: in lower case, without the scheme's usual port.
+
+    `*` is any, `null` none.
+    """
     return tuple(origin if origin in ("*", "null") else _parse_origin(origin.lower()) for origin in given)
 
 
@@ -82,12 +88,12 @@ def _parse_origin(origin: str) -> str:
     parse_host(host)
     if not scheme or "*" in host or not origin.isascii():
         raise ValueError("no origin")
-    is_usual = urlsplit(origin).port == {"http": 80, "https": 443}.get(scheme, -1)  # raises for what is no number
+    is_usual = urlsplit(origin).port == {"http": 80, "https": 443}.get(scheme, -1)  # raises if the port is not a number
     return origin.rpartition(":")[0] if is_usual else origin
 
 
 class Settings(BaseSettings):
-    """The settings. An empty variable counts as not set; pydantic's `ValidationError` is raised for a bad value."""
+    """The settings. An empty variable counts as not set. pydantic's `ValidationError` is raised for a bad value."""
 
     model_config = SettingsConfigDict(
         env_prefix=PREFIX, env_ignore_empty=True, use_attribute_docstrings=True, frozen=True, hide_input_in_errors=True
@@ -109,27 +115,27 @@ class Settings(BaseSettings):
     # Parallel work and time limits
 
     workers: int = _number(2, 0, 64)
-    """Worker processes on this machine; each runs one job at a time. 0: this server runs none, and
+    """Worker processes on this machine; each runs one job at a time. With 0 this server runs none, and
     `ciir worker` does the jobs."""
     max_waiting: int = _number(256, 1, 1_000_000)
-    """Maximum number of waiting jobs in each of the two lanes, small and large jobs; further requests are answered with
-    429 and `Retry-After`."""
+    """Maximum number of waiting jobs in each of the two lanes, for small and for large jobs; further requests are
+    answered with 429 and `Retry-After`."""
     sync_seconds: float = _number(10.0, 0.0, 3600.0)
-    """Seconds that a request waits for its result; then it is answered with 202 and the job's address."""
+    """Seconds that a request waits for its result; after that it is answered with 202 and the job's address."""
     max_connections: int = _number(2000, 1, 1_000_000)
-    """Maximum number of open connections, fewer if the limit on open files is low. The connection that is idle for
-    longest ends for a new one; while none is idle, new ones are answered with 503."""
+    """Maximum number of open connections, or fewer if the limit on open files is low. The connection that has been idle
+    for longest ends for a new one; while none is idle, new ones are answered with 503."""
     max_streams: int = _number(1000, 1, 1_000_000)
     """Maximum number of open event streams; further ones are answered with 429."""
     max_client_streams: int = _number(100, 1, 1_000_000)
-    """Maximum number of open event streams of one client: of an API key, or of an address without keys."""
+    """Maximum number of open event streams of one client, which is an API key, or an address if there are no keys."""
     drain_seconds: float = _number(20.0, 0.0, 3600.0)
     """Seconds that running jobs have to finish after SIGTERM; jobs that have not finished go back into the queue."""
     client_seconds: float = _number(30.0, 0.1, 3600.0)
     """Seconds that a client has to send the head of a request, and to read each part of a response, before its
     connection is closed."""
     body_seconds: float = _number(120.0, 0.1, 3600.0)
-    """Seconds in which the whole body of a request must arrive."""
+    """Seconds within which the whole body of a request must arrive."""
 
     # Results that are kept
 
@@ -152,11 +158,11 @@ class Settings(BaseSettings):
     """Maximum ratio of unpacked to packed bytes of a zip; checked from 1 MiB unpacked."""
     max_pixels: int = _limit("pixels")
     """Maximum pixels of a picture, checked before decoding, and of all textures of a mesh. A texture is scaled down to
-    half of what is left."""
+    half of the pixels that are left."""
     max_set_bytes: int = _limit("set_bytes")
-    """Maximum decoded bytes of all pictures of a set of views together."""
+    """Maximum decoded bytes of all pictures in a set of views together."""
     max_triangles: int = _limit("triangles")
-    """Maximum triangles of a mesh; it may have three times as many vertices."""
+    """Maximum triangles of a mesh; it can have three times as many vertices."""
     max_views: int = _limit("views")
     """Maximum number of views in a result, and in a set of views that is sent."""
     max_output_pixels: int = _number(256_000_000, 1, _MOST)
@@ -172,7 +178,7 @@ class Settings(BaseSettings):
     """Maximum bytes of address space of a worker process (RLIMIT_AS). Libraries and thread stacks count too, so that
     machines with very many cores need more."""
     worker_file_bytes: int = _number(2 * 2**30, 2**20, _MOST)
-    """Maximum bytes of a file that a worker process writes, and so of a result (RLIMIT_FSIZE)."""
+    """Maximum bytes of a file that a worker process writes, and therefore of a result (RLIMIT_FSIZE)."""
     worker_jobs: int = _number(1000, 1, 1_000_000)
     """Number of jobs after which a worker process is replaced by a new one."""
 
@@ -184,8 +190,9 @@ class Settings(BaseSettings):
     api_keys_file: Path | None = None
     """File that holds `CIIR_API_KEYS`, as Docker and Kubernetes mount secrets."""
     hosts: Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split_list), AfterValidator(_parse_hosts)] = ()
-    """Names or addresses that the `Host` of a request may have besides those of this machine (localhost, 127.0.0.0/8,
-    [::1]), with any port, separated by commas; `*`: any. Default: none if the server listens on loopback, else any."""
+    """Names or addresses, in addition to those of this machine (localhost, 127.0.0.0/8, [::1]), that the `Host` of a
+    request may have, with any port, separated by commas; `*`: any. Default: none if the server listens on loopback,
+    else any."""
     cors_origins: Annotated[
         tuple[str, ...], NoDecode, BeforeValidator(_split_list), AfterValidator(_parse_origins)
     ] = ()
@@ -198,7 +205,10 @@ class Settings(BaseSettings):
     /metrics."""
 
     def find_folder(self) -> Path:
-        """The absolute path of the folder of jobs. Raises `InvalidOption` if neither it nor a cache folder is known."""
+        """Returns the absolute path of the folder for jobs.
+
+        Raises `InvalidOption` if neither it nor a cache folder is known.
+        """
         if self.folder is not None:
             return self.folder.absolute()
         cache = cache_folder.folder()
@@ -221,14 +231,14 @@ class Settings(BaseSettings):
 
 
 def warn_of_unknown() -> None:
-    """Logs a warning for each variable that begins with `CIIR_` and is no setting."""
+    """Logs a warning for each variable that begins with `CIIR_` but is not a setting."""
     known = {f"{PREFIX}{name.upper()}" for name in Settings.model_fields} | {cache_folder.NAME, MODEL_FOLDER}
     for name in sorted(name for name in os.environ if name.startswith(PREFIX) and name not in known):
-        _log.warning("%s is set, but is no setting; `ciir serve --show-settings` lists all", name)
+        _log.warning("%s is set, but is not a setting; `ciir serve --show-settings` lists all", name)
 
 
 def read_settings() -> Settings:
-    """Settings of the environment. Raises `InvalidOption`."""
+    """Reads the settings from the environment. Raises `InvalidOption`."""
     secrets: dict[str, Any] = {}
     try:
         found = Settings()
@@ -248,11 +258,11 @@ def read_settings() -> Settings:
 
 
 def _read_secret(variable: str, path: Path) -> str:
-    """The content of the file `path`, which is given in place of `variable`. Raises `InvalidOption`."""
+    """Reads the file `path`, which is given instead of `variable`. Raises `InvalidOption`."""
     if os.environ.get(variable):
         raise InvalidOption(f"{variable} and {variable}_FILE are both set; unset one")
     try:
-        content = path.read_text(encoding="utf-8-sig").strip()  # editors on Windows begin a file with a mark
+        content = path.read_text(encoding="utf-8-sig").strip()  # editors on Windows begin a file with a byte order mark
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not UTF-8"
         raise InvalidOption(f"{variable}_FILE: {path}: {reason}; name a file that can be read") from error
@@ -262,12 +272,12 @@ def _read_secret(variable: str, path: Path) -> str:
 
 
 def hide_secrets(address: str) -> str:
-    """`address` without user name, password and query."""
+    """Returns `address` without user name, password and query."""
     return re.sub(r"(://.*\?).*", r"\1...", re.sub(r"//[^/]*@", "//...@", address))
 
 
 def describe_values(name: str) -> str:
-    """The values that the setting `name` can have, such as `a whole number from 0 to 64`."""
+    """Describes the values that the setting `name` can have, such as `a whole number from 0 to 64`."""
     schema = Settings.model_json_schema()["properties"][name]
     if "enum" in schema:
         return " or ".join(schema["enum"])

@@ -1,4 +1,4 @@
-"""Settings as text: values in force for a terminal, and docs/settings.md.
+"""Settings as text: the values in force for a terminal, and docs/settings.md.
 
 ``python -m ciir.service.settings_table > docs/settings.md``
 """
@@ -26,12 +26,12 @@ Environment variables of `ciir serve` and `ciir worker`. `ciir serve --show-sett
 
 - An empty variable counts as not set.
 - A value out of range ends the command with exit status 2 and one line that names the allowed values.
-- A variable whose name begins with `{PREFIX}` and that is no setting is logged as a warning.
-- Limits on what is read ({", ".join(f"`{name}`" for name, _, _ in SETTINGS.values())})
-  hold for the other commands and for Python too; an input over one is refused with a line that names the variable.
+- A variable whose name begins with `{PREFIX}` but is not a setting is logged as a warning.
+- Limits on inputs ({", ".join(f"`{name}`" for name, _, _ in SETTINGS.values())})
+  also hold for the other commands and for Python; an input over one is refused with a line that names the variable.
 - The cache folder is `{cache_folder.NAME}`, else `ciir` in `XDG_CACHE_HOME`, else `~/.cache/ciir`. All commands use it.
-- `{MODEL_FOLDER}` names a folder with further networks, `.onnx` files with their cards, as `ciir export`
-  writes them. `ciir models` lists them, and all commands, the API and Python take their names.
+- `{MODEL_FOLDER}` names a folder with further networks: `.onnx` files with their cards, as written by `ciir export`.
+  `ciir models` lists them, and all commands, the API and Python accept their names.
 
 This page is generated: `python -m ciir.service.settings_table > docs/settings.md`.
 
@@ -43,7 +43,7 @@ This page is generated: `python -m ciir.service.settings_table > docs/settings.m
 FIXED_LIMITS = {
     "renderer.copies.MAX_COPIED": "triangles in all copies of meshes, per `CIIR_MAX_TRIANGLES`",
     "renderer.readers.meshes.gltf.document.ELEMENTS": "elements in all accessors of a glTF, per `CIIR_MAX_TRIANGLES`",
-    "renderer.readers.meshes.geometry.MAX_NODES": "nodes of a mesh file's scene, each as often as it is instanced",
+    "renderer.readers.meshes.geometry.MAX_NODES": "nodes of a mesh file's scene, counted once for each instance",
     "renderer.readers.meshes.gltf.scene.MAX_PRIMITIVES": "primitives in all nodes of a glTF scene together",
     "renderer.displays.quilt.MAX_TILES": "columns, and rows, of a quilt",
     "renderer.displays.quilt.MAX_ASPECT": "a quilt's aspect, width over height of a view",
@@ -53,7 +53,7 @@ FIXED_LIMITS = {
     "renderer.lens_array.MAX_PIXELS": "pixels along one side of an elemental image",
     "renderer.readers.meshes.obj.MAX_LIBRARIES": "MTL files that an OBJ names",
     "renderer.readers.meshes.obj.MAX_MATERIALS": "materials that an OBJ uses",
-    "renderer.readers.view_set.reader.MAX_REPORT": "bytes of the report beside views that states their depth sense",
+    "renderer.readers.view_set.reader.MAX_REPORT": "bytes of the report next to views that states their depth sense",
     "renderer.readers.pictures.MAX_SIDE": "pixels along one side of a picture or a view",
     "renderer.backends.embree.MAX_LAYERS": "cut-out or see-through surfaces along a ray",
     "renderer.surface.MAX_COORDINATE": "the largest absolute coordinate",
@@ -63,7 +63,7 @@ FIXED_LIMITS = {
     "service.pipeline.limits.MAX_VIEW_SAMPLES": "points of a mesh that are sampled for one view",
     "service.pipeline.options.upscaling.MAX_SCALE": "output pixels per view pixel, along one side",
     "service.web.multipart.MAX_FIELDS": "fields in a form",
-    "service.web.multipart.MAX_FILES": "files in a form, with what belongs to a display",
+    "service.web.multipart.MAX_FILES": "files in a form, including those that describe a display",
     "service.web.multipart.MAX_FIELD_BYTES": "bytes of a form field other than the file",
 }
 """Constant -> what it limits, for limits that are not settings."""
@@ -76,7 +76,7 @@ _FIXED_INTRO = """
 
 
 def format_values() -> str:
-    """Name, value, default and meaning of each setting, without keys and passwords. Raises `InvalidOption`."""
+    """Lists name, value, default and meaning of each setting, without keys and passwords. Raises `InvalidOption`."""
     settings.warn_of_unknown()
     current = settings.read_settings()
     return "\n".join(
@@ -88,7 +88,7 @@ def format_values() -> str:
 
 
 def format_page() -> str:
-    """The text of docs/settings.md."""
+    """Returns the text of docs/settings.md."""
     rows = [
         f"| `{PREFIX}{name.upper()}` | {_format_value(name, default)} | {settings.describe_values(name)} | {doc} |\n"
         for name, default, doc in _list_settings()
@@ -103,7 +103,7 @@ def _read_limit(place: str) -> float:
 
 
 def _list_settings() -> Iterator[tuple[str, Any, str]]:
-    """Name, default and meaning of each setting."""
+    """Yields name, default and meaning of each setting."""
     for name, field in Settings.model_fields.items():
         yield name, field.default, " ".join((field.description or "").split())
 

@@ -1,4 +1,4 @@
-"""The tasks of a batch that are made in parts: joined when all parts are there."""
+"""The tasks of a batch that are made in parts, and are joined when all parts are finished."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ if TYPE_CHECKING:
 class _Whole:
     task: Task
     left: int
-    """Parts that have not ended."""
+    """Number of parts that have not ended."""
     seconds: float
     failed: Outcome | None = None
 
 
 class Cuts:
-    """The tasks that are made in parts."""
+    """Keeps track of the tasks that are made in parts."""
 
     def __init__(self) -> None:
         self._wholes: dict[str, _Whole] = {}
-        """By the names of their outputs."""
+        """Tasks by the names of their outputs."""
 
     def follow(self, task: Task, outcome: Outcome) -> tuple[list[Task], Outcome | None]:
-        """The tasks that follow from the outcome of a task, and the outcome of its input if that has ended."""
+        """Returns the tasks that follow from the outcome of a task, and the outcome of its input if that has ended."""
         if outcome.status == "cut":
             self._wholes[task.out] = _Whole(replace(task, joined=outcome.parts), len(outcome.parts), outcome.seconds)
             return list_part_tasks(task, outcome.parts), None

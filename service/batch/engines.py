@@ -25,39 +25,39 @@ if TYPE_CHECKING:
     from ciir.service.batch.task import Outcome, Request, Task
 
 ATTEMPTS = 10
-"""How many workers may die under one task before it is put off, and the next time before it counts as failed."""
+"""How many workers may die during a task before it is postponed, and the second time before it counts as failed."""
 CONNECT_SECONDS = 30.0
 RECONNECT_SECONDS = 600.0
-"""For how long a scheduler that was lost is waited for."""
+"""How long to wait for a scheduler after the connection to it was lost."""
 SETTINGS = {
     "distributed.scheduler.allowed-failures": ATTEMPTS - 1,
-    "distributed.scheduler.worker-saturation": 1.0,  # a worker holds what it runs: no other task dies with it
+    "distributed.scheduler.worker-saturation": 1.0,  # a worker holds only what it runs: no other task dies with it
     "distributed.worker.memory.target": False,  # results are small: there is nothing to spill
     "distributed.worker.memory.spill": False,
-    "distributed.worker.memory.pause": False,  # a task alone uses the memory; over the limit the worker is replaced
+    "distributed.worker.memory.pause": False,  # only the task uses memory; over the limit the worker is replaced
     "distributed.worker.memory.terminate": 0.95,
-    # A worker that died is replaced in a fraction of the time by a fork; only on Linux do all libraries bear it.
+    # A fork replaces a dead worker in a fraction of the time, but only on Linux do all libraries support that.
     "distributed.worker.multiprocessing-method": "forkserver" if sys.platform == "linux" else "spawn",
 }
-"""Of Dask, on this machine; docs/batch.md has them for clusters."""
+"""Dask's settings on this machine; docs/batch.md has those for clusters."""
 
 
 def name_variable(setting: str) -> str:
-    """The environment variable that gives Dask a setting."""
+    """Returns the environment variable for a setting of Dask."""
     return f"DASK_{setting.replace('.', '__').replace('-', '_').upper()}"
 
 
 def run_on_worker(task: Task, request: Request) -> Outcome:
-    """Runs the task with as many threads in networks as the worker has: its processes share the machine."""
+    """Runs the task. Networks use as many threads as the worker has, because its processes share the machine."""
     cores.most_cores = get_worker().state.nthreads
     return work(task, request)
 
 
 @contextmanager
 def open_local(workers: int, memory: int | None) -> Iterator[Client]:
-    """A client of `workers` processes of one thread each on this machine, which end with the block.
+    """Opens a client with `workers` processes of one thread each on this machine, which end with the block.
 
-    `memory`: bytes that a process may use before it is replaced; None: an equal share of the machine's.
+    `memory`: bytes that a process may use before it is replaced, or None for an equal share of the machine's.
     """
     _silence_logs()
     starting = ExitStack()
@@ -83,12 +83,14 @@ def open_local(workers: int, memory: int | None) -> Iterator[Client]:
 
 @contextmanager
 def _hold_interrupts() -> Iterator[None]:
-    """Raises `KeyboardInterrupt` at the end of the block if Ctrl-C came in it; threads and processes that it starts
-    have the signal blocked for good, as Ctrl-C reaches all processes of a terminal.
+    """Raises `KeyboardInterrupt` at the end of the block if Ctrl-C was pressed in it.
+
+    Threads and processes started in the block have the signal blocked for good, because Ctrl-C reaches all processes of
+    a terminal.
     """
-    resource_tracker.ensure_running()  # multiprocessing starts it with the first process, and unblocks the signal then
+    resource_tracker.ensure_running()  # multiprocessing would start it with the first process and unblock the signal
     came: list[int] = []
-    handler = signal.signal(signal.SIGINT, lambda number, _: came.append(number))  # threads of before may still get it
+    handler = signal.signal(signal.SIGINT, lambda number, _: came.append(number))  # earlier threads may still get it
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
         yield
@@ -100,7 +102,7 @@ def _hold_interrupts() -> Iterator[None]:
 
 
 def connect(address: str, seconds: float = CONNECT_SECONDS) -> Client:
-    """A client of the scheduler at `address`. Raises `InvalidOption` where there is none within the time."""
+    """Connects to the scheduler at `address`. Raises `InvalidOption` if none answers within the time."""
     _silence_logs()
     end = time.monotonic() + seconds
     while True:
@@ -119,6 +121,6 @@ def connect(address: str, seconds: float = CONNECT_SECONDS) -> Client:
 
 
 def _silence_logs() -> None:
-    """Dask reports each worker that ends, and each connection, with its trace."""
+    """Silences Dask, which logs each worker that ends, and each connection, with a traceback."""
     for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
         logging.getLogger(name).setLevel(logging.CRITICAL)

@@ -1,4 +1,4 @@
-"""The inputs of a batch: files, globs, folders and URLs -> tasks, each with the name of its output."""
+"""The inputs of a batch: turns files, globs, folders and URLs into tasks with the names of their outputs."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
 FIELDS = ("path", "name", "stem", "suffix", "number")
-"""What may stand in braces in the pattern of names."""
+"""Fields allowed in braces in the pattern for names."""
 MINIMUM_SET = 2
-"""Fewest rows and columns of views by which a folder of pictures is taken for one light field."""
+"""Fewest rows and columns of views for a folder of pictures to be taken as one light field."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """An input, and its path in the folder or the glob that it was found by."""
+    """An input, and its path in the folder or the glob in which it was found."""
 
     source: str
     path: str
@@ -36,19 +36,19 @@ class Found:
 
 
 def find_inputs(texts: Sequence[str], *, has_arrays: bool, sets: bool) -> list[Found]:
-    """The inputs that `texts` name, in order, each once.
+    """Finds the inputs that `texts` name, in order, each once.
 
-    A file is an input. A folder, or one that a glob matches, stands for the files of types that are read in it and
-    below it; with `sets` it is one input, as for `ciir reconstruct`. A folder of pictures that fill a grid of views is
-    one input too, unless `has_arrays`: the options give the lenses of elemental image arrays.
+    A file is an input. A folder, given or matched by a glob, stands for all files of supported types in it and below
+    it; with `sets` it is one input, as for `ciir reconstruct`. A folder of pictures that fill a grid of views is also
+    one input, unless `has_arrays`, which means that the options give the lenses of elemental image arrays.
 
-    Raises `InvalidOption` where one names nothing.
+    Raises `InvalidOption` if one of them names nothing.
     """
     found: dict[PurePath, Found] = {}
     for text in texts:
         new = [Found(text, text.removeprefix(SCENE))] if text.startswith(SCENE) else list(_find(text, has_arrays, sets))
         if not new:
-            raise InvalidOption(f"{text}: holds no input; give files of types that are read")
+            raise InvalidOption(f"{text}: holds no input; give files of supported types")
         for each in new:
             found.setdefault(resolve(each.source)[0], each)
     return list(found.values())
@@ -56,7 +56,7 @@ def find_inputs(texts: Sequence[str], *, has_arrays: bool, sets: bool) -> list[F
 
 def _find(text: str, has_arrays: bool, sets: bool) -> Iterator[Found]:
     if not text:
-        raise InvalidOption("INPUT: '' is no name; give a file, a folder, a glob, or . for this folder")
+        raise InvalidOption("INPUT: '' is not a name; give a file, a folder, a glob, or . for this folder")
     files, path = open_filesystem(text)
     with reach_store(text, files):
         yield from _find_in(files, path, text, has_arrays, sets)
@@ -81,7 +81,7 @@ def _find_in(files: Any, path: str, text: str, has_arrays: bool, sets: bool) -> 
 
 
 def _find_fixed_folder(pattern: str) -> PurePosixPath:
-    """The folders of a glob before the first part that stands for several."""
+    """Returns the folders of a glob before its first part with a wildcard."""
     parts = PurePosixPath(pattern).parts
     return PurePosixPath(*parts[: next(number for number, part in enumerate(parts) if has_magic(part))])
 
@@ -102,7 +102,7 @@ def _look_in(files: Any, folder: str, root: PurePosixPath, has_arrays: bool, set
 
 
 def _is_view_set(names: Sequence[str]) -> bool:
-    """Whether the pictures fill a grid of views by their names."""
+    """Checks whether the pictures fill a grid of views, judging by their names."""
     try:
         grids = find_grids(names, "")
     except InputError:
@@ -119,15 +119,15 @@ def _describe(files: Any, path: str, root: PurePosixPath, *, is_folder: bool = F
 
 
 def make_tasks(found: Sequence[Found], pattern: str, *, is_file: bool, all_frames: bool) -> list[Task]:
-    """A task for each input. `pattern` gives the name of its output, with `FIELDS` in braces.
+    """Makes a task for each input. `pattern` gives the name of its output, with `FIELDS` in braces.
 
-    `path`: of the input in the folder or glob that it was found by, without its suffix; `name`: the file's, with its
-    suffix; `stem`: without; `suffix`: that alone, as in `png`; `number`: its place among all, 0001 for the first, so
-    that another input may change it. `is_file`: the suffix of `pattern` is a
-    format's. `all_frames`: the frames of videos are elemental image arrays; their output is a video of the same kind,
-    unless the pattern has a suffix, or `/` at its end.
+    `path`: the input's path in the folder or glob in which it was found, without its suffix; `name`: the file's name
+    with its suffix; `stem`: the name without it; `suffix`: the suffix alone, such as `png`; `number`: its place among
+    all inputs, 0001 for the first, which changes when inputs are added. `is_file`: whether the suffix of `pattern` is a
+    format's. `all_frames`: whether the frames of videos are elemental image arrays. Their output is then a video of the
+    same type, unless the pattern has a suffix, or `/` at its end.
 
-    Raises `InvalidOption` for a pattern that is wrong, and where two outputs have one name.
+    Raises `InvalidOption` for a wrong pattern, and if two outputs have the same name.
     """
     if re.search(r"[{}]", re.sub(rf"\{{({'|'.join(FIELDS)})\}}", "", pattern)) or not pattern.strip("/"):
         raise InvalidOption(f"--name: {pattern!r} is not understood; use {', '.join(f'{{{name}}}' for name in FIELDS)}")
@@ -142,10 +142,10 @@ def make_tasks(found: Sequence[Found], pattern: str, *, is_file: bool, all_frame
             out += VIDEO_SUFFIXES[kind.name]
         out = out.strip("/")
         if not out or ".." in PurePosixPath(out).parts or is_hidden(out):
-            raise InvalidOption(f"--name: {clean_text(out)} leads out of the folder or is hidden; give another pattern")
+            raise InvalidOption(f"--name: {clean_text(out)} is outside the folder or hidden; give another pattern")
         if out in tasks:
             raise InvalidOption(
-                f"{each.source}: its output would have the name of that of {tasks[out].source}, {out}; "
+                f"{each.source}: its output would have the same name as that of {tasks[out].source}, {out}; "
                 f"{_advise_name(found, PurePosixPath(pattern).suffix if is_file else '')}"
             )
         tasks[out] = Task(each.source, out, is_file=is_file or gets_suffix, is_video=is_video)
@@ -159,15 +159,15 @@ def _fill(pattern: str, each: Found, number: str) -> str:
 
 
 def _advise_name(found: Sequence[Found], suffix: str) -> str:
-    """A pattern, with the suffix of files, that gives each input another name."""
+    """Returns advice on a pattern, with the suffix of files, that gives each input a different name."""
     pattern = f"{{path}}_{{suffix}}{suffix}"
     if len({_fill(pattern, each, "") for each in found}) == len(found):
         return f"give --name '{pattern}'"
     return (
-        "give a folder that holds both, as its {path} then differs, or --name with {number} in it, which changes where "
+        "give a folder that holds both, so that their {path} differs, or --name with {number} in it, which changes if "
         "inputs are added"
     )
 
 
 VIDEO_SUFFIXES = dict(zip(VIDEOS, (".mp4", ".webm", ".gif"), strict=True))
-"""Containers with frames -> the suffix of a video that is made of one."""
+"""Containers with frames -> the suffix of a video made from one."""

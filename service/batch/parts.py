@@ -1,7 +1,7 @@
-"""Large light fields and videos: cut into parts, which workers make at once, and joined.
+"""Large light fields and videos: cuts them into parts, which workers make in parallel, and joins the parts.
 
-A part is a folder of PNGs with a report. A light field is cut into runs of its views, each of which reads the views in
-their windows; a video of elemental image arrays into runs of its frames.
+A part is a folder of PNGs with a report. A light field is cut into runs of its views, and each part reads the views in
+their windows; a video of elemental image arrays is cut into runs of its frames.
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.source import Source
 
 PART_PIXELS = 1 << 25
-"""Output pixels of a part: some seconds to half a minute of a core."""
+"""Output pixels of a part, which take a core from some seconds to half a minute."""
 MOST_FRAMES = 64
-"""In a part of a video."""
+"""Most frames in a part of a video."""
 
 
 def cut(source: Source, task: Task, options: Options) -> tuple[Part, ...]:
-    """The parts in which the task is done; none for one that is done whole. Raises `InputError`."""
+    """Returns the parts in which the task is done; empty if it is done as a whole. Raises `InputError`."""
     if task.is_video:
         return _cut_video(source, options)
     is_single = options.views == "center" or ("," in options.views and ";" not in options.views)
@@ -60,7 +60,7 @@ def cut(source: Source, task: Task, options: Options) -> tuple[Part, ...]:
         return ()
     given = Input(source)
     content = given.open(options, options.views)
-    if isinstance(content, Scene):  # views around are rendered to help: parts would render them again
+    if isinstance(content, Scene):  # neighbouring views are rendered to help, and parts would render them again
         return ()
     job = resolve_job(given.name, content, options, max_views=given.limits.views)
     each = job.lenses[0] * job.lenses[1] * options.scale**2
@@ -73,7 +73,7 @@ def cut(source: Source, task: Task, options: Options) -> tuple[Part, ...]:
 
 
 def select_views(part: Part, options: Options) -> Options:
-    """The options of a part of a light field, with the model that was selected for all of it."""
+    """Returns the options for a part of a light field, with the model that was selected for all of it."""
     return replace(options, views=";".join(f"{v},{u}" for v, u in part.views), model=part.model)
 
 
@@ -94,14 +94,14 @@ def _cut_video(source: Source, options: Options) -> tuple[Part, ...]:
 
 
 def _open_video(source: Source) -> tuple[bytes, Bundle]:
-    assert isinstance(source, Bundle)  # noqa: S101 - the suffix is a video's
+    assert isinstance(source, Bundle)  # noqa: S101 - it has the suffix of a video
     found = find_main(source)
     assert found is not None  # noqa: S101
     return source.files[found[1]], source
 
 
 def write_frames(source: Source, part: Part, options: Options, path: Path) -> Report:
-    """Writes the view of each frame of the part to a folder; the report is that of the first, with all views."""
+    """Writes the view of each frame of the part to a folder. The report is that of the first frame, with all views."""
     data, bundle = _open_video(source)
     reports = []
     with FolderWriter(path) as writer:
@@ -117,7 +117,7 @@ def write_frames(source: Source, part: Part, options: Options, path: Path) -> Re
 
 
 def list_part_tasks(task: Task, parts: Sequence[Part]) -> list[Task]:
-    """The tasks that make the parts."""
+    """Lists the tasks that make the parts."""
     folder = f"{STATE}/{PARTS}/{hash_name(task.out)}"
     return [replace(task, out=f"{folder}/{part.name}", is_file=False, part=part, whole=task.out) for part in parts]
 
@@ -127,12 +127,12 @@ def _read_report(outputs: Outputs, name: str, record: Record) -> Report:
         report: Report = json.loads(outputs.read(name) or b"")
     except ValueError as error:
         record.remove()  # so that the part is made again
-        raise Unreadable(f"{name}: missing or damaged; run the batch again, which makes that part anew") from error
+        raise Unreadable(f"{name}: missing or damaged; run the batch again to make that part again") from error
     return report
 
 
 def join(task: Task, request: Request, outputs: Outputs, record: Record) -> Outcome:
-    """Makes the output of its parts, which are done, and removes them."""
+    """Makes the output from its finished parts, and removes them."""
     tasks = list_part_tasks(task, task.joined)
     records = [Record(outputs, each, request) for each in tasks]
     record.remove()
@@ -140,7 +140,7 @@ def join(task: Task, request: Request, outputs: Outputs, record: Record) -> Outc
         reports = [_read_report(outputs, f"{each.out}/{REPORT}", of) for each, of in zip(tasks, records, strict=True)]
         trace = _join_traces([each.trace for each in records])
         report = _join_reports(reports, request.options)
-        if "bytes" in report["input"] and not task.is_video:  # of a video, it is the first frame
+        if "bytes" in report["input"] and not task.is_video:  # for a video, this is the first frame
             report["input"] |= {"bytes": sum(trace["sizes"].values()), "files": len(trace["sizes"])}
         pictures = [
             outputs.fetch(f"{each.out}/{view['file']}", scratch / f"{number}_{view['file']}")
@@ -169,7 +169,7 @@ def join(task: Task, request: Request, outputs: Outputs, record: Record) -> Outc
 def _write_file(
     path: Path, report: Report, pictures: Sequence[Path], times: tuple[float, ...], options: Options
 ) -> None:
-    """Writes the pictures in the format of the suffix; a video of frames keeps none of them in memory."""
+    """Writes the pictures in the format of the suffix. For a video of frames, none of them stay in memory."""
     suffix = path.suffix.lower()
     format_ = (BY_SUFFIX_OF_TIMES if times else BY_SUFFIX)[suffix]
     contents = _describe(report, _read(pictures[0]), times)
@@ -197,7 +197,7 @@ def _read(path: Path) -> Pixels:
 
 
 def _link(source: Path, target: Path) -> None:
-    """A second name for a file; a copy where the file system has no such names."""
+    """Makes a hard link to a file, or a copy if the file system has no hard links."""
     try:
         target.hardlink_to(source)
     except OSError:
@@ -205,7 +205,7 @@ def _link(source: Path, target: Path) -> None:
 
 
 def _join_reports(reports: Sequence[Report], options: Options) -> Report:
-    """The first part's report, with the views, the reasons, the notes and the times of all."""
+    """Joins reports: the first part's report, with the views, the reasons, the notes and the timings of all."""
     first = reports[0]
     timings: dict[str, float] = {}
     for report in reports:

@@ -1,4 +1,4 @@
-"""Files by path or by URL (fsspec): the inputs of a batch, and the folder of its outputs."""
+"""Files by path or by URL (fsspec): the inputs of a batch, and the folder for its outputs."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 
 PARTS = "parts"
 STATE = ".batch"
-"""The folder, in that of the outputs, of what a batch keeps for itself."""
+"""The folder inside the output folder in which a batch keeps its own files."""
 
 
 def open_filesystem(text: str) -> tuple[Any, str]:
-    """The file system of a path or a URL, and the path there. Raises `InvalidOption`."""
+    """Returns the file system of a path or a URL, and the path in it. Raises `InvalidOption`."""
     try:
         filesystem, path = fsspec.core.url_to_fs(text, use_listings_cache=False)
     except ImportError as error:
@@ -45,21 +45,21 @@ def open_filesystem(text: str) -> tuple[Any, str]:
         raise InvalidOption(f"{text}: the package that reads such URLs is not installed ({error}){extra}") from error
     except ValueError as error:
         raise InvalidOption(f"{text}: no such kind of URL ({error}); give a path, or a URL such as s3://") from error
-    except (AttributeError, TypeError) as error:  # fsspec makes its file system without what the URL lacks
+    except (AttributeError, TypeError) as error:  # raised by file systems to which the URL gives too little
         raise InvalidOption(
-            f"{text}: a URL of this kind doesn't say all that is needed ({error}); give a path, or a URL such as s3://"
+            f"{text}: this kind of URL doesn't say all that is needed ({error}); give a path, or a URL such as s3://"
         ) from error
     return filesystem, path.rstrip("/") or path
 
 
 def locate(text: str) -> str:
-    """The absolute path of a local file or folder that a path or a URL names; another URL in its usual spelling."""
+    """Returns the absolute path of a local file or folder given by path or URL; any other URL in its usual spelling."""
     filesystem, path = open_filesystem(text)
     return path if isinstance(filesystem, LocalFileSystem) else str(filesystem.unstrip_protocol(path))
 
 
 def resolve(place: str) -> tuple[PurePath, ...]:
-    """An absolute path with the links in its folders followed, and that to which a link leads; a URL as it is."""
+    """Resolves links in the folders of an absolute path, and adds the target if it is a link. A URL stays as is."""
     if "://" in place:
         return (PurePosixPath(place),)
     path = Path(os.path.realpath(Path(place).parent), Path(place).name)
@@ -68,8 +68,10 @@ def resolve(place: str) -> tuple[PurePath, ...]:
 
 @contextmanager
 def reach_store(text: str, filesystem: Any) -> Iterator[None]:
-    """Raises `InvalidOption` in place of an error of the client of the store at the URL `text`: each has its own, as
-    botocore's where there are no credentials. Errors of local files stay, and programming errors.
+    """Raises `InvalidOption` instead of an error of the client of the store at the URL `text`.
+
+    Each client has its own errors, such as botocore's if there are no credentials. Errors of local files and
+    programming errors are raised as they are.
     """
     try:
         yield
@@ -83,7 +85,10 @@ def reach_store(text: str, filesystem: Any) -> Iterator[None]:
 
 
 def open_place(text: str) -> Source:
-    """The input at a path or a URL, or `scene:NAME`, within the limits of the environment. Raises `InputError`."""
+    """Opens the input at a path or a URL, or `scene:NAME`, within the limits of the environment.
+
+    Raises `InputError`.
+    """
     if text.startswith(SCENE) or "://" not in text:
         return open_source(text)
     filesystem, path = open_filesystem(text)
@@ -102,7 +107,7 @@ def open_place(text: str) -> Source:
 
 
 def read_remote(filesystem: Any, path: str, limits: Limits) -> bytes:
-    """The bytes of a file. Raises `TooLarge` over the limit."""
+    """Returns the bytes of a file. Raises `TooLarge` over the limit."""
     size = filesystem.size(path)
     if size is not None and size > limits.bytes:
         raise TooLarge(f"{clean_text(path)}: {size:,} bytes; at most {limits.bytes:,} are read", "bytes")
@@ -111,9 +116,9 @@ def read_remote(filesystem: Any, path: str, limits: Limits) -> bytes:
 
 
 class RemoteFolder(Mapping[str, bytes]):
-    """The files below a folder of a store, read when first used. Hidden files are not listed.
+    """The files below a folder in a store, read when first used. Hidden files are not listed.
 
-    Raises `TooLarge` from iteration with more than `limits.files` files, and on a file of more than `limits.bytes`.
+    Raises `TooLarge` when iterating over more than `limits.files` files, and for a file of more than `limits.bytes`.
     """
 
     def __init__(self, filesystem: Any, path: str, limits: Limits, known: Mapping[str, bytes] | None = None) -> None:
@@ -150,15 +155,15 @@ class RemoteFolder(Mapping[str, bytes]):
 
 
 class Outputs:
-    """The folder of a batch's outputs. Names in it are relative, with `/`; what is written appears whole."""
+    """The folder for a batch's outputs. Names in it are relative, with `/`. Files appear in it only when complete."""
 
     def __init__(self, text: str) -> None:
-        """`text`: a path or a URL. Raises `InvalidOption` where it can't be used."""
+        """`text`: a path or a URL. Raises `InvalidOption` if it can't be used."""
         self._filesystem, self._root = open_filesystem(text)
         self._is_local = isinstance(self._filesystem, LocalFileSystem)
         if self._is_local and Path(self._root).exists() and not Path(self._root).is_dir():
             raise InvalidOption(f"{text}: a file is there; name a folder for the outputs")
-        with reach_store(text, self._filesystem):  # before any work, as it begins with reading a record
+        with reach_store(text, self._filesystem):  # fails before any work, which begins with reading a record
             self.read(f"{STATE}/records/none")
 
     def _path(self, name: str) -> str:
@@ -166,8 +171,9 @@ class Outputs:
 
     @contextmanager
     def open_scratch(self) -> Iterator[Path]:
-        """A local folder of its own for a result in the making; on the same file system as the outputs if they are
-        local.
+        """Provides a separate local folder for an unfinished result.
+
+        It is on the same file system as the outputs if they are local.
         """
         if not self._is_local:
             with (
@@ -186,9 +192,9 @@ class Outputs:
 
     @contextmanager
     def lock(self) -> Iterator[None]:
-        """Keeps other batches out of a local folder, and removes what killed workers leave there, at the end.
+        """Keeps other batches out of a local folder. At the end, removes what killed workers left there.
 
-        Raises `InvalidOption` where another batch is running.
+        Raises `InvalidOption` if another batch is running.
         """
         if not self._is_local:
             yield
@@ -206,11 +212,11 @@ class Outputs:
                 yield
             finally:
                 shutil.rmtree(state / "scratch", ignore_errors=True)
-                with suppress(OSError):  # there are none, or some are of an input that is not finished
+                with suppress(OSError):  # there are none, or some belong to an unfinished input
                     (state / PARTS).rmdir()
 
     def measure(self, name: str) -> int | None:
-        """The bytes that a file has; None where there is none."""
+        """Returns the size of a file in bytes, or None if it does not exist."""
         try:
             size: int = self._filesystem.size(self._path(name))
         except (FileNotFoundError, NotADirectoryError):
@@ -218,7 +224,7 @@ class Outputs:
         return size
 
     def read(self, name: str) -> bytes | None:
-        """The bytes of a file; None where there is none."""
+        """Returns the bytes of a file, or None if it does not exist."""
         try:
             data: bytes = self._filesystem.cat_file(self._path(name))
         except FileNotFoundError:
@@ -234,7 +240,10 @@ class Outputs:
             file.write(data)
 
     def move(self, local: Path, name: str) -> dict[str, int]:
-        """Moves a finished local file, or the files of a folder, to `name`; returns the names and sizes of all."""
+        """Moves a finished local file, or the files of a folder, to `name`.
+
+        Returns the names and sizes of all of them.
+        """
         names = {name: local}
         if local.is_dir():
             names = {f"{name}/{file.name}": file for file in sorted(local.iterdir())}
@@ -249,33 +258,33 @@ class Outputs:
         return sizes
 
     def fetch(self, name: str, local: Path) -> Path:
-        """A local path of the file: its own, or that of a copy at `local`."""
+        """Returns a local path of the file: its own, or that of a copy at `local`."""
         if self._is_local:
             return Path(self._path(name))
         self._filesystem.get_file(self._path(name), str(local))
         return local
 
     def remove(self, names: Iterable[str]) -> None:
-        """Removes the files that are there."""
+        """Removes the files that exist."""
         for name in names:
             with suppress(FileNotFoundError):
                 self._filesystem.rm_file(self._path(name))
 
     def remove_empty_folder(self, name: str) -> None:
-        """Removes a local folder that holds nothing; a store has none."""
+        """Removes a local folder if it is empty; a store has no empty folders."""
         if self._is_local:
-            with suppress(OSError):  # it is a file, is not there, or holds something
+            with suppress(OSError):  # it is a file, does not exist, or is not empty
                 Path(self._path(name)).rmdir()
 
     def remove_folder(self, name: str) -> None:
-        """Removes a folder, if there is one."""
+        """Removes a folder, if it exists."""
         if self._filesystem.exists(self._path(name)):
             self._filesystem.rm(self._path(name), recursive=True)
 
 
 @contextmanager
 def _explain_full_disk(place: str) -> Iterator[None]:
-    """Raises `JobError` where the disk of `place` is full: the error of the system names no place."""
+    """Raises `JobError` if the disk of `place` is full, because the system's error does not name the place."""
     try:
         yield
     except OSError as error:

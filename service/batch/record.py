@@ -1,4 +1,4 @@
-"""The record of an output: what it was made of, in a file beside the outputs."""
+"""The record of an output: what it was made from, in a file next to the outputs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Record:
-    """The record of the output of a task, if there is one."""
+    """The record of a task's output, if there is one."""
 
     def __init__(self, outputs: Outputs, task: Task, request: Request) -> None:
         self._outputs, self._out, self._run = outputs, task.out, request.run
@@ -32,8 +32,10 @@ class Record:
         self._kept: dict[str, Any] = self._read(task)
 
     def _read(self, task: Task) -> dict[str, Any]:
-        """What the record holds, nothing where there is none; of a damaged one, whose output is made anew, the files
-        that the output's own report lists.
+        """Reads the record; empty if there is none.
+
+        If it is damaged, the output is made again, and the record only holds the files that the output's own report
+        lists.
         """
         data = self._outputs.read(self._name)
         if data is None:
@@ -46,26 +48,26 @@ class Record:
         report = f"{task.out}/{REPORT}"
         try:
             names = [str(view["file"]) for view in _parse(self._outputs.read(report))["views"]]
-        except (LookupError, TypeError):  # none, or of another program
+        except (LookupError, TypeError):  # there is no report, or it is from another program
             names = []
-        inside = [name for name in names if not {"/", "\\"} & {*name}]  # they are removed: none outside of the folder
+        inside = [name for name in names if not {"/", "\\"} & {*name}]  # they are removed: none may be outside
         return {"files": [report, *(f"{task.out}/{name}" for name in inside)]}
 
     @property
     def trace(self) -> Trace:
-        """What was read for the output. Raises `Unreadable` where the record is missing or damaged."""
+        """What was read for the output. Raises `Unreadable` if the record is missing or damaged."""
         if "trace" not in self._kept:
-            raise Unreadable(f"{self._name}: missing or damaged; run the batch again, which makes {self._out} anew")
+            raise Unreadable(f"{self._name}: missing or damaged; run the batch again to make {self._out} again")
         return dict(self._kept["trace"])
 
     @property
     def outcome(self) -> Outcome:
-        """What the report of the output shows."""
+        """The outcome, as shown by the output's report."""
         shown = self._kept["report"]
         return Outcome("done", views=shown["views"], model=shown["model"], notes=tuple(shown["notes"]))
 
     def is_current(self, source: Source) -> bool:
-        """Whether the output is there as it was written, and was made of the same content with the same options."""
+        """Checks whether the output exists as written, and was made from the same content with the same options."""
         if self._kept.get("key") != self._key:
             return False
         files = source.files if isinstance(source, Bundle) else {}
@@ -81,11 +83,11 @@ class Record:
             self._kept = {}
 
     def is_of(self, run: str) -> bool:
-        """Whether the output was made in that run."""
+        """Checks whether the output was made in that run."""
         return run != "" and bool(self._kept.get("run") == run)
 
     def write(self, files: dict[str, int], trace: Trace, report: Report) -> Outcome:
-        """Records that the output is there. `files`: their names and sizes, as `Outputs.move` returns them."""
+        """Records that the output is there. `files`: names and sizes, as returned by `Outputs.move`."""
         shown = {
             "views": len(report["views"]),
             "model": report["model"]["name"] if report["model"] else "",
@@ -98,12 +100,12 @@ class Record:
 
 
 def hash_name(out: str) -> str:
-    """A file name for what belongs to the output called `out`."""
+    """Returns a file name for the files that belong to the output called `out`."""
     return hashlib.sha256(out.encode()).hexdigest()[:32]
 
 
 def _parse(data: bytes | None) -> dict[str, Any]:
-    """A JSON object; an empty one for anything else."""
+    """Parses a JSON object; empty for anything else."""
     try:
         found = json.loads(data or b"")
     except ValueError:

@@ -1,4 +1,4 @@
-"""Runs a batch: hands its tasks to Dask, a bounded number at a time, and collects what comes of them."""
+"""Runs a batch: passes its tasks to Dask, a bounded number at a time, and collects the outcomes."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ if TYPE_CHECKING:
     from ciir.service.batch.task import Request, Task
 
 Report = Callable[["Task", "Outcome | None", int], object]
-"""Called as a task ends, or a part of one: with the outcome of the input, if that has ended, and the number of tasks
+"""Called when a task or a part of one ends, with the outcome of the input, if that has ended, and the number of tasks
 that were added.
 """
 KILLED = (
-    f"{2 * engines.ATTEMPTS} worker processes died in it, perhaps for lack of memory; give the workers more, or a "
-    "smaller input"
+    f"{2 * engines.ATTEMPTS} worker processes died while running it, perhaps for lack of memory; give the workers "
+    "more, or use a smaller input"
 )
 IN_FLIGHT = 3
-"""Tasks for each thread of the workers that are with the scheduler at a time."""
+"""Tasks submitted to the scheduler at a time for each thread of the workers."""
 LOOK_SECONDS = 5.0
-"""How often the number of workers is asked for."""
+"""Interval at which the number of workers is checked."""
 
 
 class Batch:
@@ -50,17 +50,17 @@ class Batch:
         self._ended: queue.SimpleQueue[Future[Outcome]] = queue.SimpleQueue()
 
     def start_local(self, workers: int, memory: int | None) -> None:
-        """Starts worker processes on this machine, as `engines.open_local`."""
+        """Starts worker processes on this machine with `engines.open_local`."""
         self._client = self._stack.enter_context(engines.open_local(workers, memory))
 
     def connect(self, address: str) -> None:
-        """Connects to a cluster, as `engines.connect`."""
+        """Connects to a cluster with `engines.connect`."""
         self._address = address
         self._client = engines.connect(address)
         self._stack.callback(self._close)
 
     def _close(self) -> None:
-        self._client.close()  # the present one, which may be a later one than the first
+        self._client.close()  # the current client, which may not be the first
 
     def __enter__(self) -> Self:
         return self
@@ -71,7 +71,7 @@ class Batch:
         self._stack.close()
 
     def run(self, tasks: Sequence[Task], report: Report) -> None:
-        """Runs `tasks`, each once, those that are large in parts."""
+        """Runs each of `tasks` once, and large ones in parts."""
         waiting, cuts = deque(tasks), Cuts()
         running: dict[Future[Outcome], Task] = {}
         put_off: set[str] = set()
@@ -82,7 +82,7 @@ class Batch:
                     most, looked = max(most, IN_FLIGHT * self._count_threads()), time.monotonic()
                 new = [waiting.popleft() for _ in range(min(len(waiting), most - len(running)))]
                 running.update(zip(self._submit(new), new, strict=True))
-                ended = [future for future in self._wait() if future in running]  # not of a connection that was lost
+                ended = [future for future in self._wait() if future in running]  # not those of a lost connection
                 outcomes = self._collect(ended)
                 if outcomes is None:
                     waiting.extendleft(running.values())
@@ -91,7 +91,7 @@ class Batch:
                     continue
                 for task, outcome in zip(map(running.pop, ended), outcomes, strict=True):
                     if outcome.error == KILLED and task.out not in put_off:
-                        put_off.add(task.out)  # it may have had bad luck: again, after all others
+                        put_off.add(task.out)  # it may have had bad luck: try again after all others
                         waiting.append(task)
                         continue
                     following, last = cuts.follow(task, outcome)
@@ -102,10 +102,10 @@ class Batch:
             raise
 
     def _count_threads(self) -> int:
-        """Tasks that the workers run at once; at least 1."""
+        """Returns how many tasks the workers run at once; at least 1."""
         try:
             found: dict[str, int] = self._client.nthreads()
-        except OSError:  # the connection was lost, as `_collect` will see
+        except OSError:  # the connection was lost, which `_collect` will notice
             return 1
         return max(1, sum(found.values()))
 
@@ -120,7 +120,7 @@ class Batch:
         return futures
 
     def _wait(self) -> list[Future[Outcome]]:
-        """Those that have ended, at least one unless none ends in `LOOK_SECONDS`."""
+        """Waits for tasks that have ended: at least one, unless none ends within `LOOK_SECONDS`."""
         ended = []
         with suppress(queue.Empty):
             ended.append(self._ended.get(timeout=LOOK_SECONDS))
@@ -129,12 +129,12 @@ class Batch:
         return ended
 
     def _collect(self, ended: Sequence[Future[Outcome]]) -> list[Outcome] | None:
-        """What came of each; None where the connection to the scheduler was lost."""
+        """Returns the outcome of each task, or None if the connection to the scheduler was lost."""
         if self._client.status == "closed":
             return None
         try:
             if all(future.status == "finished" for future in ended):
-                with suppress(KilledWorker):  # since it ended, with the worker that held its outcome
+                with suppress(KilledWorker):  # the worker that held an outcome died after the task ended
                     return list(self._client.gather(ended))  # in one message
             return [self._collect_one(future) for future in ended]
         except CancelledError:
@@ -153,6 +153,6 @@ class Batch:
 
     def _reconnect(self) -> None:
         if self._address is None:
-            raise JobError("the scheduler of this machine's workers ended; run the same command again to go on")
+            raise JobError("the scheduler of this machine's workers ended; run the same command again to continue")
         self._client.close(timeout=1)
         self._client = engines.connect(self._address, engines.RECONNECT_SECONDS)

@@ -1,4 +1,4 @@
-"""The summary of a batch: what came of each input, as JSON and as CSV."""
+"""The summary of a batch: the outcome of each input, as JSON and as CSV."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NOT_DONE = "not done"
 
 
 class Summary:
-    """What came of the tasks up to now."""
+    """The outcomes of the tasks so far."""
 
     def __init__(self, tasks: Sequence[Task]) -> None:
         self._tasks = tasks
@@ -31,15 +31,15 @@ class Summary:
         self._begun = time.monotonic()
 
     def add(self, task: Task, outcome: Outcome) -> None:
-        """Takes an outcome."""
+        """Adds an outcome."""
         self._outcomes[task.whole or task.out] = outcome
 
     def count(self) -> Counter[str]:
-        """How many inputs have each status."""
+        """Counts the inputs with each status."""
         return Counter(row["status"] for row in self._list_rows())
 
     def describe(self) -> dict[str, Any]:
-        """The summary, ready for JSON."""
+        """Returns the summary, ready for JSON."""
         counts = self.count()
         return {
             "version": version("ciir"),

@@ -1,4 +1,4 @@
-"""What workers get and what they return: small, as each goes through the scheduler."""
+"""The messages to and from workers. They are small, because each goes through the scheduler."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ Status = Literal["done", "kept", "failed", "cut"]
 
 @dataclass(frozen=True)
 class Request:
-    """What is the same for all tasks of a batch."""
+    """Settings that are the same for all tasks of a batch."""
 
     options: Options
     outputs: str
-    """The folder of the outputs: an absolute path or a URL."""
+    """The folder for the outputs: an absolute path or a URL."""
     run: str = ""
-    """An id of this run of the batch: what it finds done by itself, as a worker died too late, counts as done."""
+    """An id of this run of the batch. Outputs that this run made, and whose worker then died, count as done."""
     white: str | None = None
-    """Paths of the frames of raw lenslet pictures."""
+    """Paths of the white and the dark frame for raw lenslet pictures."""
     dark: str | None = None
 
 
@@ -34,11 +34,11 @@ class Part:
     name: str
     views: tuple[View, ...] = ()
     model: str = ""
-    """That was selected for all views together."""
+    """The model that was selected for all views together."""
     first: int = 0
-    """The first of the frames, from 0."""
+    """Number of the first frame, from 0."""
     times: tuple[float, ...] = ()
-    """Of the frames, seconds."""
+    """Times of the frames in seconds."""
 
 
 @dataclass(frozen=True)
@@ -55,24 +55,24 @@ class Task:
     """Whether the input is a video of elemental image arrays, and the output has a picture for each frame."""
     part: Part | None = None
     whole: str = ""
-    """The output that a part is of."""
+    """The output that a part belongs to."""
     joined: tuple[Part, ...] = ()
-    """The parts, all made, of which the output is to be made."""
+    """The finished parts from which the output is to be made."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a task."""
+    """The outcome of a task."""
 
     status: Status
     error: str = ""
-    """One line, of a task that failed."""
+    """One line, for a task that failed."""
     seconds: float = 0.0
-    """That the worker took."""
+    """Time that the worker took."""
     views: int = 0
     model: str = ""
-    """That upscaled the views; empty for none."""
+    """The model that upscaled the views; empty for none."""
     notes: tuple[str, ...] = field(default=())
-    """Of the report."""
+    """Notes from the report."""
     parts: tuple[Part, ...] = ()
-    """Of a task that is to be cut."""
+    """The parts of a task that is to be cut."""

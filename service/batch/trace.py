@@ -1,4 +1,4 @@
-"""What a task reads of its input, by content: where all of it is as it was, its result is as it was."""
+"""The content that a task reads from its input: as long as all of it is unchanged, so is the result."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 Trace = dict[str, Any]
 """`files`: the SHA-256 of each file that was read; `sizes`: the bytes of each; `looked_for`: whether a file was there;
-`names`: the hash of the names of all files, None where they were not listed.
+`names`: the hash of the names of all files, or None if they were not listed.
 """
 
 
@@ -40,7 +40,10 @@ class TracedFiles(Mapping[str, bytes]):
         return data
 
     def read_start(self, key: str, length: int) -> bytes | None:
-        """As `picture_sizes.StartReader.read_start`; not recorded, as it only decides whether the input is refused."""
+        """Reads the start of a file like `picture_sizes.StartReader.read_start`.
+
+        It is not recorded, because it only decides whether the input is refused.
+        """
         return read_start(self._files, key, length)
 
     def __contains__(self, key: object) -> bool:
@@ -58,14 +61,14 @@ class TracedFiles(Mapping[str, bytes]):
 
     @property
     def trace(self) -> Trace:
-        """What was read up to now."""
+        """What has been read so far."""
         looked_for = {key: found for key, found in self._looked_for.items() if key not in self._read}
         read = {"files": dict(self._read), "sizes": dict(self._sizes)}
         return read | {"looked_for": looked_for, "names": self._names}
 
 
 def matches(trace: Trace, files: Mapping[str, bytes]) -> bool:
-    """Whether all that `trace` records is the same in `files`."""
+    """Checks whether everything that `trace` records is the same in `files`."""
     if any((key in files) != found for key, found in trace["looked_for"].items()):
         return False
     if trace["names"] is not None and _hash_names(list(files)) != trace["names"]:
@@ -74,7 +77,7 @@ def matches(trace: Trace, files: Mapping[str, bytes]) -> bool:
 
 
 def compute_key(*settings: object, options: Options) -> str:
-    """The hash of everything but the input's content that a result depends on: settings, options, the installation."""
+    """Hashes everything except the input's content that a result depends on: settings, options and the installation."""
     given = [hash_installation(), options.as_dict(), *settings]
     return _hash(json.dumps(given, sort_keys=True).encode())
 

@@ -1,4 +1,4 @@
-"""One task, as a worker runs it: by the pipeline of `ciir reconstruct`, unless its result is there."""
+"""Runs one task in a worker, with the pipeline of `ciir reconstruct`, unless its result already exists."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ open_outputs = lru_cache(8)(Outputs)
 
 
 def work(task: Task, request: Request) -> Outcome:
-    """Makes the output of `task`. What is wrong with the input is an outcome; nothing else is caught."""
+    """Makes the output of `task`. An error in the input becomes an outcome; nothing else is caught."""
     begun = time.perf_counter()
     try:
         outcome = _work(task, request)

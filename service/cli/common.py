@@ -1,4 +1,4 @@
-"""Helpers of several commands: options, reports, progress and output."""
+"""Helpers that several commands share: options, reports, progress and output."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _PREFIX = "option_"
 
 
 def parse_options(args: argparse.Namespace, kind: KindName = "reconstruction") -> Options:
-    """The options on the command line, with the defaults of that kind of job. Raises `InvalidOption`."""
+    """Parses the options on the command line, with the defaults of that kind of job. Raises `InvalidOption`."""
     given = {key.removeprefix(_PREFIX): text for key, text in vars(args).items() if key.startswith(_PREFIX)}
     return KINDS[kind].parse(
         given | {name: read_description(name, Path(given[name])) for name in TEXT_FILES if name in given}
@@ -38,18 +38,18 @@ def parse_options(args: argparse.Namespace, kind: KindName = "reconstruction") -
 
 
 def read_count(option: str, text: str, least: int, most: int, *, example: int) -> int:
-    """The whole number that is given for `option`. Raises `InvalidOption`, which names the range and `example`."""
+    """Parses the whole number given for `option`. Raises `InvalidOption`, which names the range and `example`."""
     if not text.isdecimal() or not least <= int(text) <= most:
         raise InvalidOption(
-            f"{option}: {text[:40]!r} is no whole number from {least} to {most}; give one such as {example}"
+            f"{option}: {text[:40]!r} is not a whole number from {least} to {most}; give one such as {example}"
         )
     return int(text)
 
 
 def open_input(args: argparse.Namespace, options: Options) -> Source:
-    """The input with the frames that the command line gives it; if asked to, it writes its lens grid when it is read.
+    """Opens the input with the white and dark frames given on the command line.
 
-    Raises `InputError`.
+    With `--show-grid`, the source writes its lens grid when it is read. Raises `InputError`.
     """
     source = add_frames(open_source(args.input), white=args.white, dark=args.dark)
     if args.show_grid is not None:
@@ -58,7 +58,7 @@ def open_input(args: argparse.Namespace, options: Options) -> Source:
 
 
 def start_service() -> Settings:
-    """Prepares this process for a server or a worker, while it has one thread, and returns the settings.
+    """Prepares this process for a server or a worker, while it has only one thread, and returns the settings.
 
     Raises `InvalidOption`.
     """
@@ -85,9 +85,9 @@ def write_report(report: Report, path: str | None) -> None:
 
 @contextmanager
 def progress_bar(unit: str) -> Iterator[Progress]:
-    """Shows a progress bar with the time left, on a terminal only; yields `progress(done, total)`, which moves it.
+    """Shows a progress bar with the time left, on a terminal only. Yields `progress(done, total)`, which moves it.
 
-    It appears after half a second: short work shows nothing.
+    The bar appears after half a second, so short work shows nothing.
     """
     if not sys.stderr.isatty():
         yield ignore_progress
@@ -109,5 +109,5 @@ def print_line(text: str) -> None:
 
 
 def format_timings(report: Report) -> str:
-    """`decode 3, render 20, total 31 ms`."""
+    """Formats the timings of a report: `decode 3, render 20, total 31 ms`."""
     return ", ".join(f"{stage} {ms:.0f}" for stage, ms in report["timings_ms"].items()) + " ms"

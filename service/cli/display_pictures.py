@@ -1,4 +1,4 @@
-"""`ciir convert` to pictures for displays."""
+"""`ciir convert` for pictures for displays."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 
 def find_display(args: argparse.Namespace, options: Options) -> Kind | None:
-    """The kind of picture for a display that is asked for, None for another format."""
+    """Returns the kind of display picture that is asked for, or None for another format."""
     if args.to is not None:
         return next((kind for kind in USES if kind == args.to), None)
     return formats.find_display(Path(args.out), options.make_writer_options())
 
 
 def write_picture(args: argparse.Namespace, options: Options, kind: Kind) -> None:
-    """Writes the picture, beside a quilt its layout, and prints a line about it."""
+    """Writes the picture, for a quilt also its layout, and prints a line about it."""
     path = Path(args.out)
     suffixes = formats.FORMATS[kind].suffixes
     if path.suffix.lower() not in suffixes:
@@ -64,7 +64,7 @@ def write_picture(args: argparse.Namespace, options: Options, kind: Kind) -> Non
 
 
 def _name_quilt(path: Path, layout: QuiltLayout, notes: list[str]) -> Path:
-    """The quilt's own name, which holds its layout: displays read it there."""
+    """Returns the path with the quilt's layout in its name, where displays read it."""
     if parse_name(path.name) is not None:
         return path
     named = path.with_name(f"{path.stem}{layout.suffix}{path.suffix}")

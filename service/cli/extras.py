@@ -1,4 +1,4 @@
-"""The extras that commands need: an installation without one names the remedy."""
+"""The extras that commands need. If one is not installed, the error says how to install it."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ EXTRAS = {
 }
 """Command -> the extra of pyproject.toml that it needs."""
 OF_PACKAGES = {"redis": "redis", "skimage": "bench", "torch": "training", "onnx": "training"}
-"""Package -> the smallest extra that brings it, where that is not the command's."""
+"""Package -> the smallest extra that installs it, if that is not the command's."""
 
 USED_LATE = {"bench": ("matplotlib", "skimage"), "evaluate": ("skimage",), "train": ("skimage",)}
-"""Command -> packages that it first uses after seconds or minutes of work."""
+"""Command -> packages that it first imports after seconds or minutes of work."""
 
 
 @contextmanager
 def require_extra(command: str) -> Iterator[None]:
-    """Raises `InvalidOption` with the remedy where the block imports a package that is not installed."""
+    """Raises `InvalidOption` with the remedy if the block imports a package that is not installed."""
     try:
         for package in USED_LATE.get(command, ()):
             importlib.import_module(package)

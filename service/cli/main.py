@@ -1,7 +1,7 @@
 """Parses the command line, runs the command, and reports errors in one line.
 
 Exit status: 0 done; 2 the input or an option is wrong; 3 some inputs of a batch failed; 1 anything else; 130 after
-Ctrl-C, 143 after SIGTERM; 141 where the program that reads the output has ended.
+Ctrl-C; 143 after SIGTERM; 141 if the program that reads the output has ended.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ PLACE = dict.fromkeys(
     (errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG),
     (NO_PLACE, "name a place that can be read or written"),
 )
-"""System errors about a place that is read or written -> exit status and remedy."""
+"""Errors of the operating system when reading or writing a place -> exit status and remedy."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs `argv` (the process's own where None) and returns the exit status. Errors are one line on stderr."""
+    """Runs `argv` (by default the process's own) and returns the exit status. Errors are one line on stderr."""
     try:
         _run(sys.argv[1:] if argv is None else argv)
     except Error as error:
@@ -81,7 +81,10 @@ class _Terminated(BaseException):
 
 @contextmanager
 def _terminable(command: str) -> Iterator[None]:
-    """Raises an exception in the block on SIGTERM, so that no part of an output stays; not for servers."""
+    """Raises an exception in the block on SIGTERM, so that no partial output stays.
+
+    Servers handle SIGTERM themselves.
+    """
     if command in ("serve", "worker"):
         yield
         return
@@ -98,7 +101,7 @@ def _terminable(command: str) -> Iterator[None]:
 
 
 def _discard_output() -> None:
-    """Sends to the null device what Python still flushes on exit."""
+    """Redirects stdout to the null device, so that Python's flush on exit does no harm."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

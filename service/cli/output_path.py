@@ -1,4 +1,4 @@
-"""Decides whether `-o` names a file or a folder, by its suffix, and refuses suffixes of other files."""
+"""Decides by its suffix whether `-o` names a file or a folder, and refuses suffixes of other file types."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ _FILES = re.compile(
     r"mat|mkv|mov|mp4|mpeg|mpg|npy|npz|obj|off|pdf|pfm|pgm|ply|png|pnm|ppm|psd|rar|stl|svg|tar|tga|tgz|tif|tiff|toml|txt|webm|webp|"
     r"xz|zip)"
 )
-"""Suffixes that are not taken for a folder's."""
+"""Suffixes that are not taken as part of a folder's name."""
 
 
 def names_file(text: str, suffixes: Sequence[str], *, what: str) -> bool:
-    """Whether `text` names a file with one of `suffixes` (lower case), not a folder; `what` is to be written there.
+    """Checks whether `text` names a file with one of `suffixes` (lower case) rather than a folder, for writing `what`.
 
-    Raises `InvalidOption` where `text` is empty or its suffix is another file's.
+    Raises `InvalidOption` if `text` is empty or has the suffix of another file type.
     """
     if not text:
-        raise InvalidOption(f"-o: '' is no name; give one for {what}")
+        raise InvalidOption(f"-o: '' is not a name; give one for {what}")
     path = Path(text)
     suffix = path.suffix.lower()
     if text.endswith("/") or path.is_dir():
@@ -40,19 +40,21 @@ def names_file(text: str, suffixes: Sequence[str], *, what: str) -> bool:
 
 
 def resolve_folder(text: str, *, what: str) -> Path:
-    """The folder that `text` names; raises as `names_file`."""
+    """Returns the folder that `text` names. Raises the same errors as `names_file`."""
     names_file(text, (), what=what)
     return Path(text)
 
 
 def check_places(args: argparse.Namespace, *others: str | Path) -> None:
-    """Raises `InvalidOption` where an output of `args`, or one of `others`, is a file that the command reads, through
-    a link too, or lies in a folder that it reads; where two outputs are one file; or where the report can't be written.
+    """Checks that no output overwrites an input, and that the report can be written.
+
+    Raises `InvalidOption` if an output of `args`, or one of `others`, is a file that the command reads (also through a
+    link) or lies in a folder that it reads, if two outputs are the same file, or if the report can't be written.
     """
     given = vars(args)
     if args.report is not None:
         if not args.report:
-            raise InvalidOption("--report: '' is no name; name a file for the report")
+            raise InvalidOption("--report: '' is not a name; name a file for the report")
         place_for_file(Path(args.report))
     inputs = ["input", "white", "dark", *(f"option_{name}" for name in TEXT_FILES)]
     sources = [Path(given[name]).resolve() for name in inputs if given.get(name)]

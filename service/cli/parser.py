@@ -19,10 +19,11 @@ if TYPE_CHECKING:
     from _typeshed import SupportsWrite
 
 KEPT = (
-    "Finished jobs are kept in the folder CIIR_FOLDER (default: service in the cache folder), with their inputs and "
-    "results unless CIIR_FILES names another place. The same request again gets the result that is kept. A result is "
-    "removed CIIR_KEEP_SECONDS after its last request, and the longest unused earlier where all together exceed "
-    "CIIR_KEEP_BYTES. These are environment variables; --show-settings describes them."
+    "Finished jobs are kept in the folder CIIR_FOLDER (default: service in the cache folder). Their inputs and "
+    "results are kept there too, unless CIIR_FILES names another place. Sending the same request again returns the "
+    "kept result. A result is removed CIIR_KEEP_SECONDS after its last request; if all results together exceed "
+    "CIIR_KEEP_BYTES, the least recently used are removed earlier. These are environment variables; --show-settings "
+    "describes them."
 )
 _OPTIONS = frozenset(f"--{name}" for name in NAMES)
 
@@ -31,33 +32,33 @@ class Parser(argparse.ArgumentParser):
     """A parser whose errors are one line, like all others."""
 
     def error(self, message: str) -> NoReturn:
-        """Raises `InvalidOption` in place of printing the usage."""
+        """Raises `InvalidOption` instead of printing the usage."""
         raise InvalidOption(f"{message}; see {self.prog} --help")
 
     def print_help(self, file: SupportsWrite[str] | None = None) -> None:
-        """Raises `OSError` where the output can't be written, which argparse ignores."""
+        """Prints the help. Raises `OSError` if the output can't be written, which argparse ignores."""
         (file or sys.stdout).write(self.format_help())
         sys.stdout.flush()
 
 
 def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
-    """Parses the command line. Raises `InvalidOption` where it is wrong."""
+    """Parses the command line. Raises `InvalidOption` if it is wrong."""
     whole = make_parser()
     args, rest = whole.parse_known_args(_join_values(argv))
-    # Before Python 3.12.7 argparse takes no words of `evaluate` after an option.
+    # Before Python 3.12.7 argparse accepts no words of `evaluate` after an option.
     if args.command == "evaluate" and not any(word.startswith("-") for word in rest):
         args.words += rest
     elif rest:
         parser = whole if args.command is None else args.parser
         known = re.findall(r"--[\w-]+", parser.format_usage())
         close = difflib.get_close_matches(rest[0].partition("=")[0], known, n=1, cutoff=0.75)
-        remedy = f"{close[0]} may be meant" if close else f"see {parser.prog} --help"
+        remedy = f"did you mean {close[0]}?" if close else f"see {parser.prog} --help"
         raise InvalidOption(f"unrecognized arguments: {' '.join(rest)}; {remedy}")
     return args
 
 
 def make_parser() -> argparse.ArgumentParser:
-    """The parser. Each command sets `module`, the module of `service.cli.commands` that runs it."""
+    """Makes the parser. Each command sets `module`, the module in `service.cli.commands` that runs it."""
     top = Parser(
         prog="ciir", description="Reconstructs views of light fields from meshes and pictures, and upscales them."
     )
@@ -97,14 +98,14 @@ def _add_service(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command.add_argument(
         "--host", default="127.0.0.1", help="address to listen on (default 127.0.0.1: this machine only)"
     )
-    command.add_argument("--port", default="8000", help="port to listen on, 0 for a free one (default 8000)")
+    command.add_argument("--port", default="8000", help="port to listen on; 0 chooses a free one (default 8000)")
     command.add_argument("--show-settings", action="store_true", help="show all settings (CIIR_...) and exit")
 
     add_command("worker", "run worker processes for a `ciir serve` on another machine (CIIR_QUEUE, CIIR_FILES)")
 
 
 def _add_measurements(add_command: Callable[..., argparse.ArgumentParser]) -> None:
-    command = add_command("bench", "measure run time against error for every method, with tables and pictures")
+    command = add_command("bench", "measure the run time and error of every method, with tables and pictures")
     command.add_argument(
         "inputs",
         metavar="INPUT",
@@ -119,35 +120,43 @@ def _add_measurements(add_command: Callable[..., argparse.ArgumentParser]) -> No
         nargs="+",
         default=[],
         metavar="N",
-        help="arrays of N x N lenses in front of a mesh; with --harm also RxC, the lenses of an EIA picture",
+        help="use arrays of N x N lenses for meshes; with --harm also RxC, the lenses of an EIA picture",
     )
-    command.add_argument("--rounds", metavar="N", help="how often each job runs (default 11, with --quick 3)")
+    command.add_argument("--rounds", metavar="N", help="how many times each job runs (default 11, or 3 with --quick)")
     command.add_argument(
-        "--quick", action="store_true", help="one scene, two lens arrays: a few minutes; with --harm a few seconds"
+        "--quick",
+        action="store_true",
+        help="one scene and two lens arrays: takes a few minutes, with --harm a few seconds",
     )
     command.add_argument(
         "--harm",
         action="store_true",
-        help="instead: where the default is worse than bicubic interpolation, or than the networks of single pictures, "
-        "over meshes and light fields in many conditions; writes harm.json, harm.md and harm.png, and exits with 1 "
-        "where it is by more than 0.1 dB",
+        help="instead, find where the default is worse than bicubic interpolation or than the single-image networks, "
+        "over meshes and light fields in many conditions; write harm.json, harm.md and harm.png, and exit with 1 "
+        "if it is worse by more than 0.1 dB",
     )
-    command.add_argument("--only", choices=("meshes", "light-fields"), help="with --harm: one kind of input")
+    command.add_argument(
+        "--only", choices=("meshes", "light-fields"), help="with --harm: measure only this kind of input"
+    )
     command.add_argument(
         "--model",
         metavar="NAME",
-        help="with --harm: judge this model in place of the default: one that `ciir models` lists, or an exported "
-        "network's .json",
+        help="with --harm: judge this model instead of the default: a name that `ciir models` lists, or the .json of "
+        "an exported network",
     )
     add_options(command, ("pixels", "pickup"))
 
-    command = add_command("stress", "measure the numerics under stress against their bounds")
-    command.add_argument("--quick", action="store_true", help="a few sizes and rounds: half a minute")
+    command = add_command("stress", "measure numerical errors under stress and compare them with their bounds")
+    command.add_argument("--quick", action="store_true", help="a few sizes and rounds: takes half a minute")
     command.add_argument(
-        "--only", nargs="+", default=[], metavar="GROUP", help="groups of cases, named as in docs/numerics.md"
+        "--only",
+        nargs="+",
+        default=[],
+        metavar="GROUP",
+        help="groups of cases to run, named as in docs/numerics.md (default: all)",
     )
-    command.add_argument("--model", nargs="+", default=[], metavar="NAME", help="networks (default: all)")
-    command.add_argument("--json", metavar="FILE", help="write all results to this file, too")
+    command.add_argument("--model", nargs="+", default=[], metavar="NAME", help="networks to run (default: all)")
+    command.add_argument("--json", metavar="FILE", help="also write all results to this file")
 
 
 def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
@@ -156,30 +165,32 @@ def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         "words",
         nargs="*",
         metavar="MODEL FOLDER",
-        help="a model that `ciir models` lists, or an exported network's .json; then folders of *_LR.png and *_HR.png "
-        "pairs, or of any pictures with --degradation; with --light-field no folder, any number of models, and "
-        f"{LIGHT_FIELD_DEFAULT} where none is named",
+        help="a model that `ciir models` lists, or the .json of an exported network; then folders of *_LR.png and "
+        "*_HR.png pairs, or of any pictures with --degradation. With --light-field: no folder and any number of models "
+        f"(default {LIGHT_FIELD_DEFAULT})",
     )
     command.add_argument(
         "--degradation",
         choices=("bicubic", "box", "point"),
         default="",
-        help="how LR is made of *_HR.png, of other pictures or of views (default for views: bicubic)",
+        help="how LR pictures are made from *_HR.png, other pictures or views (default for views: bicubic)",
     )
     command.add_argument(
         "--jpeg",
         type=int,
         metavar="QUALITY",
-        help="with --light-field: LR views are those of an elemental image array in a JPEG of this quality, 1 to 100",
+        help="with --light-field: take LR views from an elemental image array in a JPEG of this quality, 1 to 100",
     )
     command.add_argument(
-        "--light-field", metavar="INPUT", help="a light field instead of pictures: a folder of views, or any other"
+        "--light-field",
+        metavar="INPUT",
+        help="a light field to use instead of pictures: a folder of views, or any other",
     )
     command.add_argument(
-        "--grid", metavar="KvxKu", help="how many views in the middle of the light field (default 5x5)"
+        "--grid", metavar="KvxKu", help="use this many views in the middle of the light field (default 5x5)"
     )
     command.add_argument(
-        "--json", metavar="FILE", help="write the scores to this file, those of each view of a light field too"
+        "--json", metavar="FILE", help="write the scores to this file; for a light field, also those of each view"
     )
     add_options(command, ("scale",), "upscale")
     add_options(command, ("lenses", "pixels"))
@@ -191,7 +202,7 @@ def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command.add_argument("-o", "--out", required=True, metavar="DIR", help="folder for the checkpoint and the log")
     for name, metavar, text in (
         ("name", "NAME", "the network's name"),
-        ("train", "FOLDER", "training pictures, or VOC2012 as it unpacks"),
+        ("train", "FOLDER", "training pictures, or VOC2012 as unpacked"),
         ("validate", "FOLDER", "validation pairs, or pictures"),
         ("initial", "CHECKPOINT", "weights to start from"),
         ("vgg", "FILE", "torchvision's VGG-19 weights"),
@@ -200,24 +211,33 @@ def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         command.add_argument(f"--{name}", metavar=metavar, help=f"{text}; replaces the recipe's")
     command.add_argument("--steps", metavar="N", type=int, help="optimiser steps; replaces the recipe's")
 
-    command = add_command("export", "export a checkpoint, or a network of others, to .onnx with its card", "training")
+    command = add_command(
+        "export", "export a checkpoint, or a network from elsewhere, to .onnx with its card", "training"
+    )
     command.add_argument(
-        "checkpoint", metavar="CHECKPOINT", nargs="?", help="checkpoint.pt of `ciir train`, or any network as .onnx"
+        "checkpoint",
+        metavar="CHECKPOINT",
+        nargs="?",
+        help="checkpoint.pt written by `ciir train`, or any network as .onnx",
     )
     command.add_argument("-o", "--out", required=True, metavar="DIR", help="folder for NAME.onnx and NAME.json")
     command.add_argument(
         "--int8", action="store_true", help="export the int8 twin, NAME-int8, for processors with VNNI"
     )
     command.add_argument(
-        "--calibrate", nargs="+", default=[], metavar="FOLDER", help="pictures that give the int8 twin its ranges"
+        "--calibrate",
+        nargs="+",
+        default=[],
+        metavar="FOLDER",
+        help="pictures from which the int8 twin's ranges are measured",
     )
-    command.add_argument("--weights", metavar="FILE", help="weights that spandrel knows, instead of a checkpoint")
-    command.add_argument("--name", metavar="NAME", help="the network's name (default: the recipe's, or the file's)")
+    command.add_argument("--weights", metavar="FILE", help="weights that spandrel supports, instead of a checkpoint")
+    command.add_argument("--name", metavar="NAME", help="the network's name (default: from the recipe or the file)")
     command.add_argument("--on", nargs="*", default=[], metavar="FOLDER", help="test sets whose scores go on the card")
 
 
 def _join_values(argv: Sequence[str]) -> list[str]:
-    """`--lenses -5x5` as `--lenses=-5x5`, so that the error names the option that has the wrong value."""
+    """Joins `--lenses -5x5` to `--lenses=-5x5`, so that the error names the option that has the wrong value."""
     joined: list[str] = []
     for word in argv:
         if joined and joined[-1] in _OPTIONS and re.match("-[^-oh]", word):

@@ -32,9 +32,9 @@ CONVERSION = tuple(name for name in (*READING, *LENSLET, *MESH, *WRITING, *DISPL
 """Options of `ciir convert`."""
 _GROUPS = {
     "planes and disparity": FOCUS,
-    "the lens array, and how a light field lies in its file": READING,
+    "the lens array, and how the file stores the light field": READING,
     "raw lenslet pictures": LENSLET,
-    "what is made": UPSCALING,
+    "output": UPSCALING,
     "meshes": MESH,
     "videos and epipolar plane images": WRITING,
     "pictures for displays": DISPLAYS,
@@ -48,7 +48,7 @@ def add_options(
     kind: KindName = "reconstruction",
     texts: Mapping[str, str] | None = None,
 ) -> None:
-    """Adds options of `service.pipeline.options`, with the help in `texts`, or that they have for that kind of job."""
+    """Adds options of `service.pipeline.options`, with the help in `texts`, or else the help for that kind of job."""
     headings = {name: heading for heading, group in _GROUPS.items() for name in group}
     if kind == "plane":
         headings["disparity"] = "planes and disparity"
@@ -73,42 +73,45 @@ def add_options(
 def _add_raw_files(parser: argparse.ArgumentParser, names: Sequence[str] = ("white", "dark", "show-grid")) -> None:
     """Adds the files that go with a raw lenslet picture."""
     texts = {
-        "white": "a picture of a white surface, to find the lens grid in and to even out lenses' brightness",
-        "dark": "a picture without light, to subtract",
-        "show-grid": "write the lens grid, drawn over the picture, to this PNG",
+        "white": "a picture of a white surface, used to find the lens grid and to even out the lenses' brightness",
+        "dark": "a picture taken without light, which is subtracted",
+        "show-grid": "write the picture with the lens grid drawn over it to this PNG",
     }
     for name in names:
         parser.add_argument(f"--{name}", metavar="FILE", help=f"with --lens-pitch: {texts[name]}")
 
 
 def add_batch(add_command: Callable[..., argparse.ArgumentParser]) -> None:
-    """Adds `batch`; `add_command` as in `service.cli.parser`."""
+    """Adds `batch`. `add_command` is the function in `service.cli.parser`."""
     command = add_command(
         "batch",
         "reconstruct many inputs, on all cores of this machine or on a cluster",
-        more="Inputs whose outputs are there, made of the same content with the same options, are not done again. Exit "
-        "status 3: some failed; summary.json and summary.csv say which, and why.",
+        more="Inputs that already have outputs, made from the same content with the same options, are not done again. "
+        "Exit status 3 means that some failed; summary.json and summary.csv say which, and why.",
     )
     command.add_argument(
         "inputs",
         metavar="INPUT",
         nargs="+",
-        help="files, globs, folders, scene:NAME, URLs as s3://BUCKET/FOLDER; videos with --lenses or --arrangement",
+        help="files, globs, folders, scene:NAME, or URLs such as s3://BUCKET/FOLDER; videos with --lenses or "
+        "--arrangement",
     )
-    command.add_argument("-o", "--out", required=True, metavar="DIR", help="folder for the outputs, or a URL of one")
+    command.add_argument("-o", "--out", required=True, metavar="DIR", help="folder for the outputs, or its URL")
     command.add_argument(
         "--name",
         default="{path}",
         metavar="PATTERN",
-        help="name of each output, with {path}, {name}, {stem}, {suffix} or {number} of its input in it: a folder, or "
-        "as the suffix asks for, such as '{path}.png' (default {path}; of a video a video)",
+        help="name of each output, which may contain {path}, {name}, {stem}, {suffix} or {number} of its input: a "
+        "folder, or a file if it ends with a suffix, such as '{path}.png' (default {path}; for a video, a video)",
     )
     command.add_argument(
-        "--sets", action="store_true", help="a folder is one input: a set of views, or a mesh and its textures"
+        "--sets", action="store_true", help="take each folder as one input: a set of views, or a mesh and its textures"
     )
-    command.add_argument("--workers", metavar="N", help="worker processes of one thread (default: one for each core)")
     command.add_argument(
-        "--worker-memory", metavar="SIZE", help="memory of a worker process, such as 2GiB (default: an equal share)"
+        "--workers", metavar="N", help="number of worker processes with one thread each (default: one for each core)"
+    )
+    command.add_argument(
+        "--worker-memory", metavar="SIZE", help="memory for each worker process, such as 2GiB (default: an equal share)"
     )
     command.add_argument("--cluster", metavar="ADDRESS", help="use the workers of this Dask scheduler, tcp://HOST:PORT")
     add_options(command, KINDS["reconstruction"].options)
@@ -116,7 +119,7 @@ def add_batch(add_command: Callable[..., argparse.ArgumentParser]) -> None:
 
 
 def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
-    """Adds the commands; `add_command` as in `service.cli.parser`."""
+    """Adds the commands. `add_command` is the function in `service.cli.parser`."""
     report = "write the report (JSON) to this file"
     command = add_command(
         "reconstruct",
@@ -135,7 +138,7 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     )
     add_options(command, KINDS["reconstruction"].options)
     _add_raw_files(command)
-    command.add_argument("--report", metavar="FILE", help="write the report (JSON) to this file, too")
+    command.add_argument("--report", metavar="FILE", help="also write the report (JSON) to this file")
 
     command = add_command(
         "convert", "write a light field, or all views of a mesh, in another format", "pictures.convert"
@@ -147,14 +150,14 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command.add_argument(
         "--to",
         metavar="FORMAT",
-        help=f"one of {', '.join([FOLDER, *WHOLE])} (default: what the name of OUT asks for)",
+        help=f"one of {', '.join([FOLDER, *WHOLE])} (default: chosen by the name of OUT)",
     )
     add_options(command, CONVERSION, texts=ONE_POSE)
     _add_raw_files(command)
     command.add_argument("--report", metavar="FILE", help=report)
 
     command = add_command(
-        "refocus", "make depth planes of a light field or a mesh, or a picture sharp at all depths", "pictures.refocus"
+        "refocus", "refocus a light field or a mesh: depth planes, or a picture sharp at all depths", "pictures.refocus"
     )
     command.add_argument("input", metavar="INPUT", help="file, folder or zip; or scene:NAME")
     command.add_argument(
@@ -170,7 +173,7 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
 
     command = add_command(
         "depth",
-        "estimate the disparity of a view (of a mesh it is exact), or model what the views show",
+        "estimate the disparity of a view (exact for a mesh), or model what the views show",
         "pictures.depth",
     )
     command.add_argument("input", metavar="INPUT", help="file, folder or zip; or scene:NAME")
@@ -181,10 +184,10 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         "--out",
         required=True,
         metavar="OUT",
-        help=f"{suffixes}, with the confidence beside it; or {models}: a coloured model",
+        help=f"{suffixes}, with the confidence in a second file; or {models}: a coloured model",
     )
     command.add_argument(
-        "--to", metavar="FORMAT", help=f"one of {', '.join(maps.FORMATS)} (default: what the name of OUT asks for)"
+        "--to", metavar="FORMAT", help=f"one of {', '.join(maps.FORMATS)} (default: chosen by the name of OUT)"
     )
     add_options(command, KINDS["disparity"].options, "disparity")
     _add_raw_files(command)

@@ -1,4 +1,4 @@
-"""Draws the contact sheet: the centre view of each scene in five ways, side by side, and all its views in a grid."""
+"""Draws the contact sheet: for each scene, the centre view in five ways side by side, and all its views in a grid."""
 
 from __future__ import annotations
 
@@ -21,33 +21,33 @@ if TYPE_CHECKING:
 ZOOM = 2
 """Each pixel of a finished picture is shown as `ZOOM x ZOOM`."""
 MARGIN, TEXT, LINE = 20, 28, 38
-"""Pixels: between pictures; the size of the text; from a line of text to the next."""
+"""Pixels between pictures, size of the text, and pixels from one line of text to the next."""
 HEAD, TITLE = 2 * MARGIN + 2 * LINE, LINE + 12
 """Pixels above the rows, and above the pictures of a row."""
 CAPTION = LINE + 6
 """Pixels for the text below a picture."""
 GAP = 0.05
-"""Between the views of the grid, of their width."""
+"""Gap between the views of the grid, relative to their width."""
 PAPER, INK, FAINT, LINES = (250, 250, 248), (24, 24, 28), (96, 96, 104), (84, 84, 90)
-"""Colours; `LINES` are between the views of the grid."""
+"""Colours. `LINES` is the colour between the views of the grid."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """What was made of a scene. Pictures are `(H, W, 3)`, 8 bit."""
+    """The pictures made from a scene, `(H, W, 3)`, 8 bit."""
 
     scene: str
     mapped: Pixels
     """The centre view as mapped, at half the size."""
     bicubic: Pixels
     single: Pixels
-    """The centre view upscaled by the default network of single pictures."""
+    """The centre view upscaled by the default network for single pictures."""
     views: Mapping[View, Pixels]
-    """All views of the elemental image array, upscaled by what `auto` takes."""
+    """All views of the elemental image array, upscaled by the model that `auto` takes."""
     truth: Mapping[View, Pixels]
     """The corner view (0, 0) and the centre view, rendered at the larger size."""
     single_model: str
-    """Names of models: of the network of single pictures, and of what `auto` took."""
+    """Names of models: the network for single pictures, and the model that `auto` took."""
     default_model: str
 
     @property
@@ -62,18 +62,18 @@ class Row:
         return self.grid[0] // 2, self.grid[1] // 2
 
     def list_pictures(self) -> list[Pixels]:
-        """The centre view in each way, as large as the truth: mapped, bicubic, single, default, truth."""
+        """Lists the centre view in each way, as large as the truth: mapped, bicubic, single, default, truth."""
         large = self.mapped.repeat(2, 0).repeat(2, 1)
         return [large, self.bicubic, self.single, self.views[self.centre], self.truth[self.centre]]
 
     def score_all(self) -> list[Score]:
-        """Of `list_pictures` but the last, which is the truth."""
+        """Scores all of `list_pictures` except the last, which is the truth."""
         *made, truth = self.list_pictures()
         return [compare(picture, truth) for picture in made]
 
 
 def draw(rows: Sequence[Row]) -> Pixels:
-    """The sheet, `(H, W, 3)`: a row for each scene; below each picture its Y-PSNR and SSIM against the truth."""
+    """Draws the sheet, `(H, W, 3)`: a row for each scene, with Y-PSNR and SSIM against the truth below each picture."""
     from PIL import Image, ImageDraw, ImageFont
 
     height, width = rows[0].bicubic.shape[:2]
@@ -101,7 +101,7 @@ def draw(rows: Sequence[Row]) -> Pixels:
 
 
 def _list_heads(rows: Sequence[Row]) -> list[tuple[str, str]]:
-    """Two lines above each column."""
+    """Lists the two lines above each column."""
     row = rows[0]
     height, width = row.bicubic.shape[:2]
     single = " or ".join(dict.fromkeys(row.single_model for row in rows))
@@ -110,20 +110,20 @@ def _list_heads(rows: Sequence[Row]) -> list[tuple[str, str]]:
         ("nearest", f"view as mapped, {width // 2}x{height // 2}"),
         ("bicubic", f"interpolation, {width}x{height}"),
         (single, "from this view alone"),
-        (f"default: {default}", "with the views around"),
+        (f"default: {default}", "with neighbouring views"),
         ("truth", f"rendered at {width}x{height}"),
         ("the whole array by the default", "{}x{} views of {}x{}".format(*row.grid, width, height)),
     ]
 
 
 def _list_captions(row: Row) -> list[str]:
-    """The text below each picture."""
+    """Lists the text below each picture."""
     corner = compare(row.views[0, 0], row.truth[0, 0])
     return [*map(str, row.score_all()), "the centre view", f"corner: {corner}"]
 
 
 def _draw_grid(row: Row, size: tuple[int, int]) -> Image:
-    """All views in their order, reduced to `size`, width and height."""
+    """Draws all views in their order, reduced to `size`, width and height."""
     from PIL import Image
 
     height, width = row.bicubic.shape[:2]
@@ -136,7 +136,7 @@ def _draw_grid(row: Row, size: tuple[int, int]) -> Image:
 
 
 def _fit(font: FreeTypeFont | ImageFont, text: str, width: int) -> FreeTypeFont | ImageFont:
-    """`font`, or a smaller one where `text` would be wider than `width` pixels."""
+    """Returns `font`, or a smaller one if `text` would be wider than `width` pixels."""
     from PIL import ImageFont
 
     length = font.getlength(text)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.source import Source
 
 SCENES = ("vase", "globe", "hamburger")
-"""Of rising complexity; the pictures of single steps are of the last."""
+"""In order of rising complexity. The pictures of single steps show the last."""
 LENSES, PIXELS = (100, 100), (9, 9)
 COLUMNS = (*(stage for stage in STAGES if stage != "focus"), "total")
 WIDTH = 46
@@ -47,7 +47,7 @@ class Step:
 
 
 class PngWriter(MemoryWriter):
-    """Keeps each view's pixels, and encodes them as PNG into `files`, so that the time of that counts."""
+    """Keeps each view's pixels, and encodes them as PNG into `files`, so that the time for encoding counts."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -62,8 +62,8 @@ class PngWriter(MemoryWriter):
 def run_demo(
     write: Callable[[str, bytes], None], backend: Backend, report_step: Callable[[Step], None]
 ) -> tuple[Row, ...]:
-    """Gives `eia.png`, `view_before.png`, `view_after.png` (of the last scene) and `contact_sheet.png` to `write`, and
-    returns what was made of each scene.
+    """Passes `eia.png`, `view_before.png`, `view_after.png` (of the last scene) and `contact_sheet.png` to `write`, and
+    returns the pictures made from each scene.
 
     `report_step` is called after each step. Scenes, backend and networks are loaded before the first step is timed.
     """
@@ -84,7 +84,7 @@ def run_demo(
 
 
 def _make(scene: str, backend: Backend, report_step: Callable[[Step], None]) -> tuple[Row, dict[str, bytes]]:
-    """What is made of a scene, and its pictures of single steps by file name."""
+    """Returns the pictures made from a scene, and the files of its single steps by file name."""
     mesh = Options(lenses=LENSES, pixels=PIXELS, backend=backend, sampling="lenslet")
     eias: list[bytes] = []
     made = render_eia(scene, mesh, lambda pixels: eias.append(encode_eia(pixels, mesh)))
@@ -118,29 +118,29 @@ def _make(scene: str, backend: Backend, report_step: Callable[[Step], None]) -> 
 
 
 def _reconstruct(source: Source, options: Options) -> tuple[PngWriter, Report]:
-    """The views, and the report."""
+    """Returns the views and the report."""
     with PngWriter() as writer:
         report = reconstruct(source, options, writer)
     return writer, report
 
 
 def format_header() -> str:
-    """The first line of the table of timings."""
+    """Returns the first line of the table of timings."""
     return f"{'milliseconds':<{WIDTH}}" + "".join(f"{column:>9}" for column in COLUMNS)
 
 
 def format_step(step: Step) -> str:
-    """A step's line of the table."""
+    """Returns a step's line of the table."""
     timings = step.report["timings_ms"]
     cells = (f"{timings[column]:>9.1f}" if column in timings else f"{'':>9}" for column in COLUMNS)
     return f"{step.scene + ': ' + step.work:<{WIDTH}}" + "".join(cells)
 
 
 def format_result(row: Row) -> str:
-    """A line on a scene: which model made what, and its Y-PSNR against the other ways."""
+    """Returns a line on a scene: which model made what, and its Y-PSNR compared with the other ways."""
     _, bicubic, single, default = row.score_all()
     return (
-        f"{row.scene}: {len(row.views)} views by {row.default_model}, the centre one {default}: "
+        f"{row.scene}: {len(row.views)} views by {row.default_model}, the centre view {default}: "
         f"{default.psnr - bicubic.psnr:+.2f} dB against bicubic, {default.psnr - single.psnr:+.2f} dB against "
         f"{row.single_model}"
     )

@@ -1,7 +1,7 @@
-"""The demo of the compose file: `python -m ciir.service.demo.over_http URL FOLDER`.
+"""The demo for the compose file: `python -m ciir.service.demo.over_http URL FOLDER`.
 
-A shipped scene's elemental image array is made here and posted to the service at URL; its views go into FOLDER. The
-request has the first key of `CIIR_API_KEYS` or `CIIR_API_KEYS_FILE`, if one is set.
+It makes a shipped scene's elemental image array, posts it to the service at URL, and writes the views to FOLDER. The
+request sends the first key of `CIIR_API_KEYS` or `CIIR_API_KEYS_FILE`, if one is set.
 """
 
 from __future__ import annotations

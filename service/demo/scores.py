@@ -1,4 +1,4 @@
-"""PSNR and SSIM of a view, with the core alone: `training.evaluation.metrics` needs packages that it has not.
+"""PSNR and SSIM of a view with the core packages only: `training.evaluation.metrics` needs others.
 
 Both compare luma (ITU-R BT.601, levels from 16 to 235) inside a border, by the published protocol for x2. A test
 compares the values with `training.evaluation.metrics`.
@@ -21,15 +21,15 @@ BORDER = 2
 """Pixels cut on each side before a picture is compared."""
 PEAK = 255
 RADIUS, SIGMA = 5, 1.5
-"""Of SSIM's Gaussian window, pixels."""
+"""Radius and sigma of SSIM's Gaussian window, in pixels."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """Of a picture against the truth."""
+    """The score of a picture against the truth."""
 
     psnr: float
-    """dB; inf where both are equal."""
+    """dB; inf if both are equal."""
     ssim: float
     """At most 1."""
 
@@ -38,7 +38,7 @@ class Score:
 
 
 def compare(picture: Pixels, truth: Pixels) -> Score:
-    """The score of `picture`, `(H, W, 3)` 8-bit RGB like `truth`, at least 15 pixels along each side."""
+    """Scores `picture`, `(H, W, 3)` 8-bit RGB like `truth`, at least 15 pixels along each side."""
     one, other = _luma(picture), _luma(truth)
     with np.errstate(divide="ignore"):
         psnr = float(20 * np.log10(PEAK) - 10 * np.log10(np.mean((one - other) ** 2)))
@@ -46,13 +46,13 @@ def compare(picture: Pixels, truth: Pixels) -> Score:
 
 
 def _luma(picture: Pixels) -> NDArray[np.float64]:
-    """Y inside the border, `(H-4, W-4)`."""
+    """Returns Y inside the border, `(H-4, W-4)`."""
     inside = picture[BORDER:-BORDER, BORDER:-BORDER].astype(np.float64)
     return np.asarray(16.0 + inside @ np.array([65.481, 128.553, 24.966]) / 255)
 
 
 def _compute_ssim(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    """Mean of the similarity map (Wang et al. 2004, equation 13) over the windows that stay inside the picture."""
+    """Averages the similarity map (Wang et al. 2004, equation 13) over the windows that stay inside the picture."""
     mean_one, mean_other = _average(one), _average(other)
     variances = _average(one**2) - mean_one**2 + _average(other**2) - mean_other**2
     covariance = _average(one * other) - mean_one * mean_other
@@ -62,5 +62,5 @@ def _compute_ssim(one: NDArray[np.float64], other: NDArray[np.float64]) -> float
 
 
 def _average(plane: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Weighted means over the window, `(H, W)` -> `(H-10, W-10)`."""
+    """Computes weighted means over the window, `(H, W)` -> `(H-10, W-10)`."""
     return np.asarray(gaussian_filter(plane, SIGMA, radius=RADIUS)[RADIUS:-RADIUS, RADIUS:-RADIUS])

@@ -1,4 +1,4 @@
-"""The disk of the service's folders: whether it takes another upload."""
+"""The disk of the service's folders: checks whether it has room for another upload."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-_GONE = "the server's folder was removed or replaced while it runs; its operator must start the server again"
+_GONE = "the server's folder was removed or replaced while the server runs; its operator must start the server again"
 _READ_ONLY = "the server's disk can't be written; its operator must make it writable"
 
 
@@ -20,7 +20,7 @@ class Disk:
     """The file systems that hold `folders`."""
 
     def __init__(self, folders: Sequence[Path], database: Path | None, room: int) -> None:
-        """`database`: the queue's file, which must stay the same; `room`: bytes that must be free for an upload."""
+        """`database`: the queue's file, which must stay the same. `room`: bytes that must be free for an upload."""
         self._folders, self._room = folders, room
         self._opened = {} if database is None else {database: database.stat()}
         self._full = f"the server's disk has less than {room:,} bytes left, the largest upload; free disk space"

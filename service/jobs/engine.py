@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 
 class Engine:
-    """What `ciir serve` and `ciir worker` share. With `settings.workers` of 0 it only stores jobs."""
+    """The part shared by `ciir serve` and `ciir worker`. If `settings.workers` is 0, it only stores jobs."""
 
     def __init__(self, settings: Settings, metrics: Metrics, pool: Pool | None = None) -> None:
-        """Opens the queue and starts nothing; raises `InvalidOption`. `pool`: created if None is given."""
+        """Opens the queue and starts nothing. Raises `InvalidOption`. `pool`: created if it is None."""
         self.jobs = Jobs(settings)
         self.metrics = metrics
         self._settings = settings
@@ -39,7 +39,7 @@ class Engine:
         metrics.workers.set_function(self._pool.count_ready if self._pool is not None else lambda: 0)
 
     def describe_place(self) -> str:
-        """Where jobs and files are, without passwords, and how many other processes take jobs from there."""
+        """Says where jobs and files are, without passwords, and how many other processes take jobs from there."""
         queue = hide_secrets(self._settings.queue) or self.jobs.folder
         files = hide_secrets(self._settings.files) or self.jobs.folder / "files"
         others = self._consumer.count_others() if self._consumer is not None else 0
@@ -56,7 +56,7 @@ class Engine:
     def check_accepting(self) -> None:
         """Raises `NotReady` until the first worker is ready, and after `stop_accepting`.
 
-        Not while workers are replaced later: jobs then wait in the queue.
+        It doesn't raise while workers are replaced later: jobs then wait in the queue.
         """
         if self._draining.is_set():
             raise NotReady("the server is stopping; try again in a second, another one may answer")
@@ -65,7 +65,7 @@ class Engine:
         self._was_ready = True
 
     def check_ready(self) -> None:
-        """Raises `NotReady` unless jobs are accepted and a worker is ready, or `QueueUnavailable` (disk or queue)."""
+        """Raises `NotReady` unless jobs are accepted and a worker is ready; `QueueUnavailable` for disk or queue."""
         self.check_accepting()
         if self._pool is not None and not self._pool.is_ready():
             usual = "no worker process is ready; new ones are being started, try again in a second"
@@ -75,7 +75,7 @@ class Engine:
         self.jobs.count_waiting()
 
     def _describe_start(self, usual: str) -> str:
-        """Why no worker is ready: `usual` unless starting one failed."""
+        """Says why no worker is ready: `usual` unless starting one failed."""
         return (self._pool.start_error if self._pool is not None else "") or usual
 
     def update_gauges(self) -> None:

@@ -1,7 +1,7 @@
 """Inputs and results: files in a folder, or in an object store through fsspec.
 
-Writes are atomic, and in a folder they are on the disk when a method returns; an object store must promise that itself.
-Worker processes read and write the files of a folder in place, and local copies of those of an object store.
+Writes are atomic. In a folder they are on the disk when a method returns; an object store must guarantee that itself.
+Worker processes read and write the files in a folder in place; for an object store they use local copies.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ if TYPE_CHECKING:
 
 INPUTS, RESULTS, RUNS = "inputs", "results", "runs"
 RECORD = ".json"
-"""Suffix of the record of an accepted job, which is kept beside the input in case the queue's database is lost."""
+"""Suffix of the record of an accepted job, which is kept next to the input in case the queue's database is lost."""
 CHUNK = 1 << 20
 HASHES = 2048
-"""Files whose hash is kept in memory, at 1 KB each."""
+"""Number of files whose hash is kept in memory, at 1 KB each."""
 _PARTIAL = ".partial"
 
 
 def hash_content(file: IO[bytes]) -> str:
-    """SHA-256 of all of `file` in hexadecimal digits; leaves it at its beginning."""
+    """Returns the SHA-256 of all of `file` in hexadecimal digits, and leaves the file at its beginning."""
     digest = hashlib.sha256()
     file.seek(0)
     while chunk := file.read(CHUNK):
@@ -46,7 +46,7 @@ def hash_content(file: IO[bytes]) -> str:
 
 
 def make_folder(folder: Path, mode: int = 0o777) -> None:
-    """Creates the folder and those above it, on the disk too."""
+    """Creates the folder and its missing parents, and waits until they are on the disk."""
     new = [path for path in (folder, *folder.parents) if not path.exists()]
     folder.mkdir(mode=mode, parents=True, exist_ok=True)
     for path in new:
@@ -68,18 +68,18 @@ class RunFiles:
 
     source: Path
     target: Path
-    """In a folder of its own, which is removed when the run ends."""
+    """In its own folder, which is removed when the run ends."""
     publish: Callable[[], tuple[int, str]]
-    """Moves `target` to the results and returns its size in bytes and its SHA-256; raises `QueueUnavailable`."""
+    """Moves `target` to the results, and returns its size in bytes and its SHA-256. Raises `QueueUnavailable`."""
 
 
 class Files:
     """Files by name in `INPUTS` and `RESULTS`. Every method raises `QueueUnavailable` if they can't be used."""
 
     def __init__(self, place: str, scratch: Path) -> None:
-        """`place`: a folder, which is created, or a URL such as s3://BUCKET/PATH; `scratch`: a folder for local copies.
+        """`place`: a folder, which is created, or a URL such as s3://BUCKET/PATH. `scratch`: a folder for local copies.
 
-        Raises `InvalidOption` if it can't be used.
+        Raises `InvalidOption` if the place can't be used.
         """
         self._place = Resource("the files", self._describe)
         self._writes = Resource("writing files", lambda error: self._describe(error, is_write=True))
@@ -89,7 +89,7 @@ class Files:
             self._is_local = isinstance(self._fs, LocalFileSystem)
             self._root = root.rstrip("/")
             self.runs = (Path(self._root) if self._is_local else scratch) / RUNS
-            """The local folder of the files of runs."""
+            """The local folder for the files of runs."""
             make_folder(self.runs)
             for folder in (INPUTS, RESULTS):
                 if self._is_local:
@@ -99,12 +99,12 @@ class Files:
             self._probe()
         except PROGRAMMING_ERRORS:
             raise
-        except Exception as error:  # each store's client has errors of its own
+        except Exception as error:  # each store's client has its own errors
             reason = str(error) or type(error).__name__
             raise InvalidOption(f"{place}: files can't be stored there ({reason}); name another place") from error
 
     def _probe(self) -> None:
-        """Writes an empty file into each folder and removes it; one that is left is removed as an orphan."""
+        """Writes an empty file into each folder and removes it. If one is left behind, it is removed as an orphan."""
         for folder in (INPUTS, RESULTS):
             path = self._path(folder, f"probe.{secrets.token_hex(8)}")
             with self._fs.open(path, "wb"):
@@ -139,20 +139,20 @@ class Files:
             partial.unlink(missing_ok=True)
 
     def open(self, folder: str, name: str) -> IO[bytes]:
-        """Opens the file for reading; raises `FileNotFoundError`."""
+        """Opens the file for reading. Raises `FileNotFoundError`."""
         with self._place.use():
             opened: IO[bytes] = self._fs.open(self._path(folder, name), "rb")
         return opened
 
     def exists(self, folder: str, name: str) -> bool:
-        """Whether there is such a file."""
+        """Checks whether the file exists."""
         with self._place.use():
             return bool(self._fs.exists(self._path(folder, name)))
 
     def matches(self, folder: str, name: str, size: int, sha256: str) -> bool:
-        """Whether there is such a file, of that size and SHA-256.
+        """Checks whether the file exists with that size and SHA-256.
 
-        Its bytes are read once, and again when its size, its times or its inode have changed.
+        Its bytes are read once, and again if its size, its times or its inode have changed.
         """
         path = self._path(folder, name)
         with suppress(FileNotFoundError), self._place.use():
@@ -165,7 +165,7 @@ class Files:
             return hash_content(file)
 
     def remove(self, folder: str, *names: str) -> None:
-        """Removes the files, and what an interrupted `put` left, if there are any."""
+        """Removes the files, and anything left by an interrupted `put`, if they exist."""
         for name in names:
             with suppress(FileNotFoundError), self._place.use():
                 (self.runs / f"{name}{_PARTIAL}").unlink(missing_ok=True)
@@ -173,7 +173,7 @@ class Files:
 
     @contextmanager
     def open_run(self, source: str, result: str, sha256: str = "") -> Iterator[RunFiles]:
-        """The local files of a run that makes `result` of the input `source`; removes them at the end.
+        """Provides the local files of a run that makes `result` from the input `source`, and removes them at the end.
 
         Raises `FileNotFoundError` if there is no such input, or if its SHA-256 is not `sha256`, unless that is empty.
         """
@@ -213,24 +213,26 @@ class Files:
         shutil.rmtree(self.runs / result, ignore_errors=True)
 
     def list_names(self, folder: str) -> list[str]:
-        """The names of all files in `folder`."""
+        """Lists the names of all files in `folder`."""
         with suppress(FileNotFoundError), self._place.use():  # an object store has no empty folders
             return [str(path).rpartition("/")[2] for path in self._fs.ls(self._path(folder), detail=False)]
         return []
 
     def get_age(self, folder: str, name: str) -> float:
-        """Seconds since the file was written, by the system clock; raises `FileNotFoundError`."""
+        """Returns the seconds since the file was written, by the system clock. Raises `FileNotFoundError`."""
         with self._place.use():
             return time.time() - float(self._fs.modified(self._path(folder, name)).timestamp())
 
     def list_runs(self) -> list[str]:
-        """The results that runs on this machine are making, or were making when they died."""
+        """Lists the results that runs on this machine are making, or were making when they died."""
         with self._place.use():
             return [path.name for path in self.runs.iterdir() if path.is_dir()]
 
     def _describe(self, error: Exception, *, is_write: bool = False) -> str | None:
-        """The message for an error of the place: any `OSError`, but `FileNotFoundError` only if a folder is missing
-        (`is_write`), or any exception of an object store but a programming error, as each store's client has its own.
+        """Returns the message for an error of the place, or None for any other error.
+
+        These are any `OSError`, but `FileNotFoundError` only for a missing folder (`is_write`). For an object store
+        they are any exception except programming errors, because each store's client has its own.
         """
         if isinstance(error, PROGRAMMING_ERRORS):
             return None

@@ -40,9 +40,10 @@ _SUFFIXES = (".py", ".json", ".frag", ".vert")
 
 
 def compute_id(request: Request, content: str, limits: Mapping[str, Any]) -> str:
-    """`DIGITS` hexadecimal digits: the hash of the file's SHA-256 `content`, the name, the options, the kind, the
-    format, the limits and the installation. Options are parsed first: an option's default and leaving it out give the
-    same id.
+    """Computes the id of a request, `DIGITS` hexadecimal digits.
+
+    It is a hash of the file's SHA-256 `content`, the name, the options, the kind, the format, the limits and the
+    installation. Options are parsed first, so that giving an option's default and leaving it out give the same id.
     """
     inputs = [
         hash_installation(),
@@ -58,20 +59,20 @@ def compute_id(request: Request, content: str, limits: Mapping[str, Any]) -> str
 
 @cache
 def hash_installation() -> str:
-    """Hash of the code, the cards (which hold the networks' SHA-256), the shaders and the versions of dependencies."""
+    """Hashes the code, the cards (which hold the networks' SHA-256), the shaders and the versions of dependencies."""
     digest = hashlib.sha256(json.dumps([(name, _find_version(name)) for name in _PACKAGES]).encode())
     root = Path(__file__).parents[2]
     for folder in _CODE:
         for path in sorted(path for path in (root / folder).rglob("*") if path.suffix in _SUFFIXES):
             digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     for entry in catalogue.list_entries():
-        if entry.path is not None:  # one's own too, wherever they lie
+        if entry.path is not None:  # includes the user's own models, wherever they are
             digest.update(entry.path.read_bytes() + b"\0")
     return digest.hexdigest()
 
 
 def _find_version(package: str) -> str:
-    """Empty for a package that is not installed."""
+    """Returns the version of a package; empty if it is not installed."""
     try:
         return version(package)
     except PackageNotFoundError:

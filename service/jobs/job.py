@@ -15,7 +15,7 @@ EventKind = Literal["queued", "running", "progress", "done", "failed", "cancelle
 FINAL: frozenset[State] = frozenset({"done", "failed", "cancelled"})
 """States that a job only leaves when it is submitted again."""
 CLIENTS_LIMIT = 100
-"""Most clients that a job's record lists; requests of others are not listed."""
+"""Most clients that a job's record lists. Requests by further clients are not listed."""
 
 
 @dataclass(frozen=True)
@@ -23,12 +23,13 @@ class Request:
     """A client's request without the file."""
 
     name: str
-    """`upload` and the suffix of the client's file name, `upload.glb`, before it what makes a picture a quilt or ESLF,
-    `upload_qs8x6a0.75.png`; or `scene:NAME`, whose file is empty."""
+    """`upload` with the suffix of the client's file name, `upload.glb`; before the suffix comes the part that marks a
+    picture as a quilt or ESLF, `upload_qs8x6a0.75.png`. Or `scene:NAME`, whose file is empty."""
     options: dict[str, str]
-    """Option texts by the names of `service.pipeline.options.NAMES`, already parsed once and so in range."""
+    """Option texts by the names of `service.pipeline.options.NAMES`. They have been parsed once, so they are in
+    range."""
     format: str | None
-    """Output format; None: that of `service.pipeline.options.Kind.default_format`."""
+    """Output format, or None for that of `service.pipeline.options.Kind.default_format`."""
     kind: KindName = "reconstruction"
 
 
@@ -46,7 +47,7 @@ INTERNAL_ERROR = Problem(500, "Internal error", "the job failed; the server's lo
 
 @dataclass(frozen=True)
 class Result:
-    """The result of a job that is done, without the file itself."""
+    """The result of a finished job, without the file itself."""
 
     format: str
     size: int
@@ -54,9 +55,9 @@ class Result:
     report: dict[str, Any]
     """`service.pipeline.report.Report` without its `views`, which a zip and an npz contain."""
     sha256: str = ""
-    """Of the file; empty until it is published. A file that is not of this size and SHA-256 is never sent."""
+    """SHA-256 of the file; empty until it is published. A file with another size or SHA-256 is never sent."""
     views: int = 0
-    """Number of views; 1 for a picture, 0 in a record of an older version."""
+    """Number of views; 1 for a picture, 0 in a record from an older version."""
 
 
 @dataclass(frozen=True)
@@ -73,39 +74,39 @@ class Event:
 
 @dataclass(frozen=True)
 class Job:
-    """The state of a job; every change makes a new object."""
+    """The state of a job. Every change makes a new object."""
 
     id: str
     """32 hexadecimal digits (`service.jobs.identity`)."""
     request: Request
     state: State = "queued"
     created: float = 0.0
-    """Seconds since 1970, for users and metrics only; so is `started`."""
+    """Seconds since 1970, only for users and metrics, like `started`."""
     started: float = 0.0
     """When the last run started."""
     attempts: int = 0
-    """Runs that were started."""
+    """Number of runs that were started."""
     worker_deaths: int = 0
-    """Worker processes that died during a run, or were ended in it."""
+    """Number of worker processes that died or were ended during a run."""
     has_timed_out: bool = False
-    """Whether one of them was ended as it took all the time that a job has."""
+    """Whether one of them was ended because it took all the time that a job has."""
     clients: tuple[str, ...] = ()
-    """Digests of the clients that asked for the job and did not cancel it; empty in a record of an older version."""
+    """Digests of the clients that asked for the job and did not cancel it; empty in a record from an older version."""
     lane: Lane = "small"
     """The queue that it waits in (`service.jobs.lanes`)."""
     input: str = ""
     """Name of the input file: the id, a dot and random digits, new for each submission."""
     content: str = ""
-    """SHA-256 of the input, which each run checks; empty in a record of an older version."""
+    """SHA-256 of the input, which each run checks; empty in a record from an older version."""
     lease: str = ""
     """The last run's claim on the job: the consumer's name and a number, unique to the run."""
     events: tuple[Event, ...] = ()
     problem: Problem | None = None
-    """Of a job that failed."""
+    """Set if the job failed."""
     result: Result | None = None
-    """Of a job that is done."""
+    """Set if the job is done."""
     made_by: str = ""
-    """`identity.hash_installation()` of the worker that ended the job; empty until then, and in a record of an older
+    """`identity.hash_installation()` of the worker that ended the job; empty until then, and in a record from an older
     version."""
 
     @property
@@ -114,30 +115,31 @@ class Job:
         return f"{self.id}.{self.lease}"
 
     def add_client(self, client: str) -> Job:
-        """The job with one more client, unless it is listed or `CLIENTS_LIMIT` are."""
+        """Returns the job with one more client, unless the client or `CLIENTS_LIMIT` others are listed."""
         if client in self.clients or len(self.clients) >= CLIENTS_LIMIT:
             return self
         return replace(self, clients=(*self.clients, client))
 
     def list_others(self, client: str) -> tuple[str, ...]:
-        """The clients without that one."""
+        """Lists the clients other than `client`."""
         return tuple(other for other in self.clients if other != client)
 
     def add_event(self, event: Event, **changes: Any) -> Job:
-        """The job with one more event and other changes of attributes."""
+        """Returns the job with one more event and other changes of attributes."""
         return replace(self, events=(*self.events, event), **changes)
 
     def to_bytes(self) -> bytes:
-        """UTF-8 JSON."""
+        """Returns the job as UTF-8 JSON."""
         fields = asdict(self)
         if not self.made_by:
-            del fields["made_by"]  # workers of versions without it can take the job
+            del fields["made_by"]  # so that workers of versions without it can take the job
         return json.dumps(fields, separators=(",", ":"), allow_nan=False).encode()
 
     @classmethod
     def from_bytes(cls, text: bytes) -> Job:
-        """Parses what `to_bytes` wrote, of a newer version without the attributes that it added. Raises `ValueError`,
-        `LookupError` or `TypeError` for anything else.
+        """Parses the output of `to_bytes`, ignoring attributes that a newer version added.
+
+        Raises `ValueError`, `LookupError` or `TypeError` for anything else.
         """
         fields = dict(json.loads(text))
         for key in fields.keys() - cls.__dataclass_fields__:
@@ -152,5 +154,5 @@ class Job:
 
 
 def parse_id(name: str) -> str:
-    """The job's id in the name of its input or result file."""
+    """Returns the job's id from the name of its input or result file."""
     return name.partition(".")[0]

@@ -31,19 +31,23 @@ if TYPE_CHECKING:
     from ciir.service.settings import Settings
 
 MIN_KEEP_SECONDS = 60.0
-"""A result is kept for so long after its last use, even over `keep_bytes`, so that a waiting client can fetch it."""
+"""Least time that a result is kept after its last use, even over `keep_bytes`, so that a waiting client can fetch
+it."""
 ORPHAN_SECONDS = 86_400.0
 SWEEP_LIMIT_SECONDS = 2.0
-"""Time limit of one sweep: its thread must send heartbeats too, and removing from an object store is slow."""
+"""Time limit of one sweep: its thread must also send heartbeats, and removing from an object store is slow."""
 FINISHED_LIMIT = 50_000
-"""Ended jobs that are kept, whatever their size, since each sweep reads them all."""
+"""Most ended jobs that are kept, whatever their size, because each sweep reads them all."""
 JOBS_PER_SECOND = 4
 """Assumed speed of a server for small jobs, to estimate `Retry-After`."""
 _log = logging.getLogger("ciir.jobs")
 
 
 class Jobs:
-    """All jobs. Threads may share it. Every method raises `QueueUnavailable` if queue or files can't be used."""
+    """All jobs.
+
+    Threads can share it. Every method raises `QueueUnavailable` if the queue or the files can't be used.
+    """
 
     def __init__(self, settings: Settings) -> None:
         """Opens or creates the queue and the folders that `settings` name. Raises `InvalidOption`."""
@@ -58,32 +62,32 @@ class Jobs:
         self.queue = Queue(self.folder, settings.queue)
         self.records = Records(self.queue.jobs)
         self.watcher = Watcher(self.records, self.queue)
-        self._installation = hash_installation()  # now: an update may replace the files while this process runs
+        self._installation = hash_installation()  # now, because an update may replace the files while this process runs
         self.lifecycle = Lifecycle(self.queue, self.records, self.files, self._installation)
         database = None if settings.queue else self.folder / FILE
         self.disk = Disk((self.folder, self.files.runs), database, settings.max_body_bytes)
         self._max_waiting, self._job_seconds = settings.max_waiting, settings.job_seconds
         self._keep_seconds, self._keep_bytes = settings.keep_seconds, settings.keep_bytes
         self._limits = asdict(TaskLimits.from_settings(settings)) | {"job_seconds": settings.job_seconds}
-        """They decide whether a job has a result or a problem."""
+        """They determine whether a job has a result or a problem."""
 
     def compute_id(self, request: Request, file: BinaryIO) -> str:
-        """The id of the job for this request."""
+        """Computes the id of the job for this request."""
         return compute_id(request, hash_content(file), self._limits)
 
     def submit(self, request: Request, file: BinaryIO, client: str = "") -> tuple[Job, bool]:
-        """The job for `request` and all bytes of `file`: an existing one, or a new one that is stored by now (True).
+        """Returns the job for `request` and all bytes of `file`, and whether it is new. A new one has been stored.
 
-        A job that failed with an error in the input is not run again; one that failed otherwise, was cancelled, lost
-        its result, or was ended by a worker of another version is. `client` is listed in the job. Raises `QueueFull`
-        if `max_waiting` jobs wait in its lane (simultaneous calls may exceed it a little).
+        A job that failed because of an error in the input is not run again. A job is run again if it failed otherwise,
+        was cancelled, lost its result, or was ended by a worker of another version. `client` is listed in the job.
+        Raises `QueueFull` if `max_waiting` jobs wait in its lane (simultaneous calls may exceed it a little).
         """
         content = hash_content(file)
         id_ = compute_id(request, content, self._limits)
         found = self.records.get(id_)
         joined = self._join(found, client)
         if joined is not None and joined is not found:
-            with suppress(QueueUnavailable):  # logged; on a full disk the job is answered all the same
+            with suppress(QueueUnavailable):  # logged; on a full disk the job is still answered
                 joined = self.records.update(id_, lambda job: self._join(job, client))
         if joined is not None:
             return self._mark_used(joined), False
@@ -94,7 +98,8 @@ class Jobs:
             one = min(estimate_job(request, file), self._job_seconds)  # a place becomes free when a job like it ends
             pause = max(1 + waiting // JOBS_PER_SECOND, math.ceil(one))
             raise QueueFull(
-                f"the queue is full: {waiting} jobs wait, and {self._max_waiting} may; try again in {pause} s", pause
+                f"the queue is full: {waiting} jobs wait, and the limit is {self._max_waiting}; try again in {pause} s",
+                pause,
             )
         name = f"{id_}.{secrets.token_hex(8)}"
         queued = (Event("queued"),)
@@ -103,13 +108,13 @@ class Jobs:
         )
         self._put_input(new, file)
         created = self.records.update(id_, lambda job: self._join(job, client) or new) or new
-        if created.input != name:  # another call submitted the same meanwhile
+        if created.input != name:  # another call submitted the same job in the meantime
             self.remove_input(name)
             return self._mark_used(created), False
         self.queue.push(lane, id_)
         if found is not None and found.made_by not in ("", self._installation):
             _log.warning(
-                "job %s: a worker of another installation (version, packages or CIIR_MODELS) had run it; runs again",
+                "job %s: a worker of another installation (version, packages or CIIR_MODELS) had run it; it runs again",
                 id_,
             )
         if found is not None and found.result is not None:
@@ -118,13 +123,13 @@ class Jobs:
         return created, True
 
     def get(self, id_: str) -> Job | None:
-        """The current state of the job; None if there is no such job."""
+        """Returns the current state of the job, or None if there is no such job."""
         return self.records.get(id_)
 
     def cancel(self, id_: str, client: str = "") -> Job | None:
         """Cancels the job, or removes one that has ended, and returns it; None if there is no such job.
 
-        Its work stops soon. A job that other clients have asked for too is only left by `client`.
+        Its work stops soon. If other clients have asked for the job too, only `client` is removed from it.
         """
         job = self.records.get(id_)
         if job is None or job.state not in FINAL or job.list_others(client):
@@ -133,25 +138,28 @@ class Jobs:
         return job
 
     def open_result(self, id_: str) -> IO[bytes]:
-        """The opened result of a job that is done, whole; the caller closes it. Raises `ResultExpired`."""
+        """Opens the result of a finished job and checks that it is intact; the caller closes it.
+
+        Raises `ResultExpired`.
+        """
         job = self.records.get(id_)
         if job is not None and self._has_result(job):
             with suppress(FileNotFoundError):
                 file = self.files.open(RESULTS, job.output)
                 self._mark_used(job)
                 return file
-        raise ResultExpired(f"{id_}: there is no result, or no longer; post the input again")
+        raise ResultExpired(f"{id_}: there is no result, or it has expired; post the input again")
 
     def stores_result(self, job: Job) -> bool:
-        """Whether there is a file of the result of `job`, which is done; whether it is damaged is not checked."""
+        """Checks whether the result of the finished `job` is stored, but not whether it is damaged."""
         return self.files.exists(RESULTS, job.output)
 
     def count_waiting(self) -> int:
-        """How many jobs wait, in both lanes, including some that were cancelled."""
+        """Counts the waiting jobs in both lanes, including some that were cancelled."""
         return sum(self.queue.count_waiting(lane) for lane in LANES)
 
     def measure_ages(self) -> dict[tuple[Lane, State], list[float]]:
-        """Seconds since each queued job was submitted, and since each run started, on all machines."""
+        """Measures the seconds since each queued job was submitted, and since each run started, on all machines."""
         now = time.time()
         ages: dict[tuple[Lane, State], list[float]] = {
             (lane, state): [] for lane in LANES for state in ("queued", "running")
@@ -165,7 +173,7 @@ class Jobs:
     def sweep(self) -> bool:
         """Removes jobs unused for `keep_seconds`, and the least recently used over `keep_bytes` or `FINISHED_LIMIT`.
 
-        False if it stopped after `SWEEP_LIMIT_SECONDS` with work left.
+        Returns False if it stopped after `SWEEP_LIMIT_SECONDS` with work left.
         """
         now = time.time()
         finished = sorted((*json.loads(value), name) for name, value in self.queue.finished.items().items())
@@ -184,8 +192,8 @@ class Jobs:
         return True
 
     def remove_orphaned_files(self) -> None:
-        """Removes files without a job that are older than `keep_seconds` and `ORPHAN_SECONDS`."""
-        results = self.files.list_names(RESULTS)  # a file's job is stored before it and removed after it
+        """Removes files without a job that are older than both `keep_seconds` and `ORPHAN_SECONDS`."""
+        results = self.files.list_names(RESULTS)  # a file's job is stored before the file and removed after it
         jobs = self.records.get_many([parse_id(name) for name in results])
         outputs = {job.output for job in jobs.values()}
         inputs = self.files.list_names(INPUTS)
@@ -207,7 +215,10 @@ class Jobs:
         self.queue.close()
 
     def _is_valid(self, job: Job) -> bool:
-        """Whether the job answers a new request for the same: its id names this version, a worker may have another."""
+        """Checks whether the job can answer a new identical request.
+
+        Its id is for this version; its worker may have another.
+        """
         if job.state in ("queued", "running"):
             return True
         if job.made_by != self._installation:
@@ -217,7 +228,7 @@ class Jobs:
         return job.state == "failed" and job.problem is not None and job.problem.status < 500
 
     def _has_result(self, job: Job) -> bool:
-        """Whether the result is stored as it was published; a damaged one is removed."""
+        """Checks whether the result is stored as it was published. A damaged one is removed."""
         if job.result is None:
             return False
         if self.files.matches(RESULTS, job.output, job.result.size, job.result.sha256):
@@ -230,11 +241,11 @@ class Jobs:
         return False
 
     def _join(self, job: Job | None, client: str) -> Job | None:
-        """The job with `client` listed; None if it doesn't answer a new request for the same."""
+        """Returns the job with `client` listed, or None if it can't answer a new identical request."""
         return job.add_client(client) if job is not None and self._is_valid(job) else None
 
     def _mark_used(self, job: Job) -> Job:
-        if job.state == "done":  # a failure is forgotten in time, even while it is requested
+        if job.state == "done":  # a failure is forgotten after some time, even if it is still requested
             with suppress(QueueUnavailable):  # logged; on a full disk the job expires earlier, but is still answered
                 self.lifecycle.mark_used(job)
         return job
@@ -249,9 +260,9 @@ class Jobs:
             raise
 
     def _expire(self, name: str, client: str | None = None) -> None:
-        """Removes the ended job with the input `name`, unless others than `client`, if that is given, asked for it.
+        """Removes the ended job with the input `name`, unless clients other than `client`, if given, asked for it.
 
-        Its result goes first, as the record needs room on the disk.
+        Its result is removed first, because changing the record needs room on the disk.
         """
 
         def is_expired(job: Job) -> bool:

@@ -27,44 +27,44 @@ if TYPE_CHECKING:
 
 LANES: tuple[Lane, ...] = ("small", "large")
 SMALL_ESTIMATE = 2.0
-"""Most seconds of a small job, as `estimate_seconds` predicts them."""
+"""Most seconds of a small job, as predicted by `estimate_seconds`."""
 SMALL_SECONDS = 5.0
 """Seconds after which a job in the small lane that keeps others waiting is moved to the large one."""
 LARGE_FIRST_EVERY = 4
-"""A thread prefers the large queue for one job in so many, so that large jobs run while small ones keep coming."""
+"""A thread prefers the large queue for one job in this many, so that large jobs run while small ones keep coming."""
 _READ, _DRAW, _SAMPLE = 4e-7, 1.6e-7, 2.5e-7
-"""Typical seconds of a byte that is read, of a triangle that OpenGL draws, and of a sample of a mesh."""
+"""Typical seconds to read a byte, to draw a triangle with OpenGL, and to take a sample of a mesh."""
 _DECODE, _RESAMPLE = 3e-8, 3e-7
-"""Typical seconds of a pixel of a picture, and of a raw lenslet picture's beside that."""
+"""Typical seconds for a pixel of a picture, and the additional time for a pixel of a raw lenslet picture."""
 _MULTIPLY_ADD, _WRITE, _FRAME = 2e-11, 1e-7, 2e-7
-"""Typical seconds of a network's multiply-add, of a pixel that is written, and of a pixel of a video's frame."""
+"""Typical seconds for a network's multiply-add, for a pixel that is written, and for a pixel of a video's frame."""
 _SHIFT, _MATCH = 1e-8, 2e-5
-"""Typical seconds of a view's pixel in a depth plane, and of a pixel of a disparity map."""
+"""Typical seconds for a view's pixel in a depth plane, and for a pixel of a disparity map."""
 _TRIANGLE_BYTES = 12
-"""Least bytes in usual files: three indices of 4 bytes."""
+"""Least bytes of a triangle in usual files: three indices of 4 bytes."""
 _WINDOW = 25
-"""Views that a light-field network takes for one."""
+"""Number of views that a light-field network takes for one."""
 _DIRECTORY_BYTES = 1 << 20
-"""Of the end of a zip, which holds its directory: enough for 10,000 files, and read in 0.1 s."""
+"""Bytes at the end of a zip that are read for its directory: enough for 10,000 files, and read in 0.1 s."""
 _HEAD_BYTES = 1 << 18
-"""Of the start of a picture, which holds its size."""
+"""Bytes at the start of a picture that are read for its size."""
 
 
 def choose_lane(request: Request, file: BinaryIO) -> Lane:
-    """`small` for a job of up to `SMALL_ESTIMATE`."""
+    """Returns `small` for a job of up to `SMALL_ESTIMATE` seconds, else `large`."""
     return "small" if estimate_job(request, file) <= SMALL_ESTIMATE else "large"
 
 
 def estimate_job(request: Request, file: BinaryIO) -> float:
-    """Seconds that a job takes on a typical machine; infinity where the start of `file` doesn't tell its size."""
+    """Estimates the seconds of a job on a typical machine; infinity if the start of `file` doesn't show its size."""
     return estimate_seconds(request, measure_unpacked(file), measure_pixels(file))
 
 
 def estimate_seconds(request: Request, size: float, pixels: float | None) -> float:
-    """Seconds that `request` takes on a typical machine, for a picture of `pixels`, or another file of `size` unpacked
-    bytes, which counts as a mesh if it may be one.
+    """Estimates the seconds that `request` takes on a typical machine.
 
-    What only the rest of the file's content shows, such as instances, is not looked at.
+    The input is a picture of `pixels`, or another file of `size` unpacked bytes, which counts as a mesh if it may be
+    one. Anything that only the rest of the file's content shows, such as instances, is not considered.
     """
     options = KINDS[request.kind].parse(request.options)
     if options.moments:
@@ -102,7 +102,7 @@ def estimate_seconds(request: Request, size: float, pixels: float | None) -> flo
 
 
 def _count_rays(request: Request, options: Options) -> int:
-    """Rays of a display's picture, or samples of views, which cost about as much; 0 where the display is refused."""
+    """Counts rays of a display picture, or samples of views, which cost about as much; 0 if the display is refused."""
     written = options.make_writer_options()
     try:
         return count_rays(find_target(cast("DisplayKind", request.format or find_kind(written)), written), options)
@@ -111,7 +111,7 @@ def _count_rays(request: Request, options: Options) -> int:
 
 
 def _find_array(options: Options, pixels: float | None) -> tuple[float, float]:
-    """The number of lenses, which is a view's pixels, and of views. One of them divides a picture's pixels."""
+    """Returns the numbers of lenses (a view's pixels) and of views. For a picture, one follows from its pixels."""
     lenses, grid = math.prod(options.lenses or LENSES), math.prod(options.pixels or PIXELS)
     if pixels is None:
         return lenses, grid
@@ -119,15 +119,16 @@ def _find_array(options: Options, pixels: float | None) -> tuple[float, float]:
 
 
 def _price_pixel(model: str, default: str) -> float:
-    """Seconds of an output pixel by `model`; `auto` is `default`."""
+    """Returns the seconds for an output pixel with `model`; `auto` counts as `default`."""
     cards = {entry.name: entry.card for entry in catalogue.list_entries()}
     card = None if model == NO_MODEL else cards.get(model, cards[default])
     return _WRITE + (0 if card is None else card.macs_per_output_pixel * _MULTIPLY_ADD)
 
 
 def measure_unpacked(file: BinaryIO) -> float:
-    """Bytes of `file`; of a zip those of its files unpacked, as its directory states them, or infinity without one that
-    can be read. Nothing is unpacked.
+    """Measures the bytes of `file`, or of a zip's unpacked files, as stated in its directory. Nothing is unpacked.
+
+    Returns infinity for a zip without a readable directory.
     """
     size = file.seek(0, os.SEEK_END)
     file.seek(0)
@@ -142,8 +143,9 @@ def measure_unpacked(file: BinaryIO) -> float:
 
 
 def measure_pixels(file: BinaryIO) -> float | None:
-    """Pixels of a picture, as its header states them, or infinity where its first `_HEAD_BYTES` don't; None for another
-    file. Nothing is decoded.
+    """Returns the pixels of a picture, as stated in its header. Nothing is decoded.
+
+    Returns infinity if its first `_HEAD_BYTES` don't state them, and None for another file.
     """
     file.seek(0)
     head = file.read(_HEAD_BYTES)
@@ -155,7 +157,7 @@ def measure_pixels(file: BinaryIO) -> float | None:
 
 
 def order_lanes(thread: int, threads: int, count: int) -> tuple[Lane, ...]:
-    """The queues to try, in order, for job number `count` of consumer thread `thread` of `threads`."""
+    """Returns the queues to try, in order, for job number `count` of consumer thread `thread` of `threads`."""
     if thread == 0 and threads > 1:
         return ("small",)
     return ("large", "small") if count % LARGE_FIRST_EVERY == LARGE_FIRST_EVERY - 1 else ("small", "large")

@@ -1,4 +1,7 @@
-"""The changes of state of a job, from its first run to its end. A run changes the job only while it holds the lease."""
+"""The changes of state of a job, from its first run to its end.
+
+A run can change the job only while it holds the lease.
+"""
 
 from __future__ import annotations
 
@@ -18,14 +21,15 @@ if TYPE_CHECKING:
     from ciir.service.jobs.records import Records
 
 WORKER_DEATH_LIMIT = 2
-"""A job fails when so many worker processes died during its runs."""
+"""A job fails when this many worker processes have died during its runs."""
 ATTEMPT_LIMIT = 5
-"""A job fails when its consumer died in each of so many runs: one that crashes the machine must not run for ever."""
+"""A job fails when its consumer died in this many runs, so that a job that crashes the machine does not run for
+ever."""
 WORKER_STOPPED = Problem(
     503,
     "Worker stopped",
-    f"the worker process was stopped in {WORKER_DEATH_LIMIT} runs, as the server lacked memory or time, or the input "
-    "crashed it; submit again later, or send a smaller input",
+    f"the worker process was stopped in {WORKER_DEATH_LIMIT} runs, because the server lacked memory or time, or the "
+    "input crashed it; submit again later, or send a smaller input",
 )
 INTERRUPTED = Problem(
     503, "Interrupted", f"the server was stopped in each of {ATTEMPT_LIMIT} runs; submit again to retry"
@@ -34,14 +38,14 @@ _log = logging.getLogger("ciir.jobs")
 
 
 class Lifecycle:
-    """Changes of state. All raise `QueueUnavailable`; those that take a run change nothing if its lease is lost."""
+    """Changes of state. All raise `QueueUnavailable`. Those that take a run change nothing if its lease is lost."""
 
     def __init__(self, queue: Queue, records: Records, files: Files, installation: str) -> None:
-        """`installation`: that of this process, by `identity.hash_installation`."""
+        """`installation` is that of this process, from `identity.hash_installation`."""
         self._queue, self._records, self._files, self._installation = queue, records, files, installation
 
     def start(self, id_: str, lease: str) -> Job | None:
-        """Leases a queued job and returns the run; None if the job is not queued."""
+        """Leases a queued job and returns the run, or None if the job is not queued."""
 
         def step(job: Job | None) -> Job | None:
             if job is None or job.state != "queued":
@@ -53,7 +57,10 @@ class Lifecycle:
         return self._records.update(id_, step)
 
     def add_progress(self, run: Job, data: dict[str, Any]) -> bool:
-        """Adds a progress event; False if the lease is lost: the job was cancelled, or its consumer declared dead."""
+        """Adds a progress event.
+
+        Returns False if the lease is lost: the job was cancelled, or its consumer declared dead.
+        """
         return self._update(run, Event("progress", data)) is not None
 
     def finish(self, run: Job, outcome: Result | Problem) -> bool:
@@ -79,21 +86,24 @@ class Lifecycle:
         self._retry(run, None, logging.DEBUG, lane=lane)  # nothing failed; the consumer logs why the run ended
 
     def retry_after_worker_death(self, run: Job, *, timed_out: bool) -> None:
-        """Queues the job again, or fails it after `WORKER_DEATH_LIMIT`. `timed_out`: whether that ended the worker."""
+        """Queues the job again, or fails it after `WORKER_DEATH_LIMIT`.
+
+        `timed_out`: whether a time-out ended the worker.
+        """
         deaths = run.worker_deaths + 1
         problem = WORKER_STOPPED if deaths >= WORKER_DEATH_LIMIT else None
         self._retry(run, problem, worker_deaths=deaths, has_timed_out=timed_out)
 
     def retry_after_consumer_death(self, run: Job) -> None:
-        """Queues the job again, or fails it after `ATTEMPT_LIMIT`; removes the run's files."""
+        """Queues the job again, or fails it after `ATTEMPT_LIMIT`, and removes the run's files."""
         if self._retry(run, INTERRUPTED if run.attempts >= ATTEMPT_LIMIT else None):
             self._files.remove_run(run.output)
             self._files.remove(RESULTS, run.output)
 
     def cancel(self, id_: str, client: str = "") -> Job | None:
-        """Removes the client from the job, cancels one without other clients unless it has ended, and returns it.
+        """Removes the client from the job, and cancels the job if it has no other clients and hasn't ended.
 
-        None if there is no such job.
+        Returns the job, or None if there is no such job.
         """
 
         def step(job: Job | None) -> Job | None:
@@ -113,7 +123,7 @@ class Lifecycle:
     def settle(self, job: Job) -> None:
         """Registers an ended job for expiry and removes its input.
 
-        May be repeated: `service.jobs.workers.recovery` does so where a process died before it was complete.
+        It can be repeated: `service.jobs.workers.recovery` does so if a process died before it was complete.
         """
         self.mark_used(job)
         self._files.remove(INPUTS, job.input, job.input + RECORD)
@@ -128,7 +138,7 @@ class Lifecycle:
         self._queue.finished.put(name, json.dumps([time.time(), size]).encode())
 
     def _update(self, run: Job, event: Event, **changes: Any) -> Job | None:
-        """Adds an event, whose kind is the new state unless it is progress; None if the lease is lost."""
+        """Adds an event, whose kind is the new state unless it is progress. Returns None if the lease is lost."""
         state = "running" if event.kind == "progress" else event.kind
 
         def step(job: Job | None) -> Job | None:
@@ -138,7 +148,7 @@ class Lifecycle:
         return self._records.update(run.id, step)
 
     def _retry(self, run: Job, problem: Problem | None, level: int = logging.WARNING, **changes: Any) -> bool:
-        """Queues the job again, or fails it with `problem`; False if the lease is lost."""
+        """Queues the job again, or fails it with `problem`. Returns False if the lease is lost."""
         event = Event("queued") if problem is None else Event("failed", asdict(problem))
         job = self._update(run, event, problem=problem, **changes)
         if job is None:

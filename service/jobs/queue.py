@@ -1,9 +1,9 @@
 """The queue and the tables of jobs, in a SQLite file or on a Redis server, through huey's storages.
 
-Of huey only the storages are used: its consumer loses the task of a process that is killed. The storages have no
-compare and swap, can't wait for two queues, and need a SQLite connection for each queue; these are added here. After a
-power cut a SQLite file may lack the last writes, but neither a `synced` one nor any before it; a Redis server with
-`appendfsync always` lacks none.
+Only the storages of huey are used, because its consumer loses the task of a process that is killed. The storages have
+no compare and swap, can't wait for two queues, and need a SQLite connection for each queue; this module adds what is
+missing. After a power cut a SQLite file may lack the last writes, but never a `synced` one or any before it. A Redis
+server with `appendfsync always` lacks none.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ FILE = "jobs.db"
 POLL_SECONDS = (0.02, 0.25)
 """Least and most time between two polls of a SQLite file for changes by other processes."""
 REDIS_POLL_SECONDS = (1.0, 2.0)
-"""The same for a Redis server, whose notifications only a broken connection loses."""
+"""The same for a Redis server, whose notifications are lost only if a connection breaks."""
 _CONNECT_SECONDS, _ANSWER_SECONDS = 2.0, 5.0
 _LISTEN_SECONDS = 0.25
-"""How long a thread that listens takes to stop."""
+"""Time that a listening thread takes to stop."""
 _JOBS = "ciirjobs"
 _REMEDY = (
-    f"stop the server and remove {FILE}: accepted jobs are then queued again from what is kept beside their inputs, "
+    f"stop the server and remove {FILE}: accepted jobs are then queued again from what is kept next to their inputs, "
     "and ended jobs are forgotten"
 )
 _SWAP = """\
@@ -62,7 +62,7 @@ class _Sqlite(SqliteStorage):  # type: ignore[misc]
         return connection
 
     def with_name(self, name: str) -> _Sqlite:
-        self.conn  # noqa: B018 - connects, before the copy
+        self.conn  # noqa: B018 - connects before the copy is made
         other = copy.copy(self)
         other.name = name
         return other
@@ -88,14 +88,14 @@ class _Redis(RedisStorage):  # type: ignore[misc]
 
 
 def _describe(error: Exception) -> str | None:
-    """The message for an error of the storage, without the server's address or path."""
-    redis = sys.modules.get("redis")  # an extra, imported where a Redis server is used
+    """Returns the message for an error of the storage, without the server's address or path."""
+    redis = sys.modules.get("redis")  # an extra, imported only if a Redis server is used
     if redis is not None and isinstance(error, redis.ResponseError):
-        refusal = "refuses commands, as a full one or a replica refuses writes; the log has its answer"
+        refusal = "refuses commands, as a full one or a replica does; the log has its answer"
         return f"the queue can't be used (its server {refusal}); try again later"
     if redis is not None and isinstance(error, redis.RedisError):
         return "the queue can't be used (its server doesn't answer); try again later"
-    if type(error) is sqlite3.DatabaseError:  # damaged, where its subclasses are for passing errors
+    if type(error) is sqlite3.DatabaseError:  # damaged; its subclasses are for temporary errors
         return f"the queue can't be used ({error}); its operator must {_REMEDY}"
     return f"the queue can't be used ({error}); try again later" if isinstance(error, sqlite3.Error) else None
 
@@ -106,24 +106,24 @@ class Table:
     def __init__(
         self, storage: _Sqlite | _Redis, reads: Resource, writes: Resource, synced: _Sqlite | _Redis | None = None
     ) -> None:
-        """`synced`: the same storage, whose writes are on the disk when they return."""
+        """`synced` is the same storage, whose writes are on the disk when they return."""
         self._storage, self._reads, self._writes, self._synced = storage, reads, writes, synced or storage
 
     def get(self, key: str) -> bytes | None:
-        """The value, or None."""
+        """Returns the value, or None."""
         with self._reads.use():
             value = self._storage.peek_data(key)
         return None if value is EmptyData else bytes(value)
 
     def get_many(self, keys: Sequence[str]) -> dict[str, bytes]:
-        """The values of those keys that have one."""
+        """Returns the values of those keys that have one."""
         if not keys:
             return {}
         with self._reads.use():
             return {key: bytes(value) for key, value in self._storage.peek_many(keys).items()}
 
     def items(self) -> dict[str, bytes]:
-        """All values by key."""
+        """Returns all values by key."""
         with self._reads.use():
             return {key: bytes(value) for key, value in self._storage.result_items().items()}
 
@@ -133,9 +133,9 @@ class Table:
             self._storage.put_data(key, value)
 
     def swap(self, key: str, old: bytes | None, new: bytes | None, *, synced: bool = False) -> bool:
-        """Replaces `old` by `new` atomically; False if the value is not `old`. None stands for no value.
+        """Replaces `old` by `new` atomically. Returns False if the value is not `old`. None stands for no value.
 
-        `synced`: returns once this and all earlier writes are on the disk.
+        With `synced`, it returns once this and all earlier writes are on the disk.
         """
         storage = self._synced if synced else self._storage
         with self._writes.use():
@@ -150,12 +150,12 @@ class Table:
 
 
 class Queue:
-    """The lanes of waiting ids, and the tables. Threads may share it; each process opens its own."""
+    """The lanes of waiting ids, and the tables. Threads can share it; each process opens its own."""
 
     def __init__(self, folder: Path, url: str = "") -> None:
-        """`url`: a Redis server; empty: `FILE` in `folder`. Raises `InvalidOption` if that can't be opened."""
+        """`url`: a Redis server, or empty for `FILE` in `folder`. Raises `InvalidOption` if it can't be opened."""
         self._resource = Resource("the queue", _describe)
-        self._writes = Resource("writing to the queue", _describe)  # apart, as a full disk can still be read
+        self._writes = Resource("writing to the queue", _describe)  # separate, because a full disk can still be read
         self._pool: ConnectionPool | None = None
         self._sqlite: _Sqlite | None = None
         self._synced: _Sqlite | None = None
@@ -180,7 +180,7 @@ class Queue:
         """Name of a consumer -> a count that rises while it lives."""
         self._checks = self._open_table("ciirchecks")
         self.poll_seconds = REDIS_POLL_SECONDS if url else POLL_SECONDS
-        """Least and most time between two reads of a job that somebody waits for."""
+        """Least and most time between two reads of a job that somebody is waiting for."""
         self._listener: PubSubWorkerThread | None = None
         self._pushed = threading.Condition()
         self._wakes = 0
@@ -201,7 +201,7 @@ class Queue:
         self.wake()
 
     def pop(self, lanes: Sequence[Lane], seconds: float) -> str | None:
-        """The first id of the first of `lanes` that has one; None after `seconds`, or after `wake`.
+        """Removes and returns the first id of the first of `lanes` that has one; None after `seconds`, or after `wake`.
 
         Raises `QueueUnavailable`.
         """
@@ -228,9 +228,9 @@ class Queue:
             pause = min(2 * pause, POLL_SECONDS[1])
 
     def listen(self, notify: Callable[[str], object]) -> None:
-        """From now on a Redis server has a thread call `notify` with the id of each job that any process changes.
+        """Calls `notify` from now on, in a thread, with the id of each job that any process changes.
 
-        Raises `QueueUnavailable`.
+        This is only done with a Redis server. Raises `QueueUnavailable`.
         """
         if self._pool is None or self._listener is not None:
             return
@@ -241,23 +241,23 @@ class Queue:
             self._listener = channel.run_in_thread(_LISTEN_SECONDS, daemon=True, exception_handler=_pause)
 
     def wake(self) -> None:
-        """Makes every waiting `pop` of this process check its lanes once more and return."""
+        """Makes every waiting `pop` in this process check its lanes once more and return."""
         with self._pushed:
             self._wakes += 1
             self._pushed.notify_all()
 
     def count_waiting(self, lane: Lane) -> int:
-        """How many ids are in a lane. Raises `QueueUnavailable`."""
+        """Counts the ids in a lane. Raises `QueueUnavailable`."""
         with self._resource.use():
             return int(self._lanes[lane].queue_size())
 
     def list_waiting(self) -> set[str]:
-        """All ids in the lanes. Raises `QueueUnavailable`."""
+        """Returns all ids in the lanes. Raises `QueueUnavailable`."""
         with self._resource.use():
             return {bytes(id_).decode() for storage in self._lanes.values() for id_ in storage.enqueued_items()}
 
     def check(self) -> None:
-        """Raises `QueueUnavailable` if a Redis server takes no writes, as over `maxmemory` or as a replica."""
+        """Raises `QueueUnavailable` if a Redis server accepts no writes, such as over `maxmemory` or as a replica."""
         if self._pool is not None:
             self._checks.put("writes", b"")
 
@@ -274,7 +274,7 @@ class Queue:
 
 
 def _pause(error: BaseException, *_: object) -> None:
-    """Has a listener try again after an error of the server, which all other uses report."""
+    """Makes a listener try again after an error of the server, which all other uses report."""
     if not isinstance(error, Exception) or _describe(error) is None:
         raise error
     time.sleep(_LISTEN_SECONDS)
@@ -286,7 +286,7 @@ def _open_pool(url: str) -> ConnectionPool:
     from redis.retry import Retry
 
     form = "give one such as redis://localhost:6379/0"
-    if not url.startswith("unix:") and re.fullmatch(r"/?\d*", urlsplit(url).path) is None:  # redis takes it as 0
+    if not url.startswith("unix:") and re.fullmatch(r"/?\d*", urlsplit(url).path) is None:  # redis would take it as 0
         raise InvalidOption(f"CIIR_QUEUE: its path is not the number of a database; {form}")
     try:
         pool = ConnectionPool.from_url(

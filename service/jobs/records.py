@@ -23,16 +23,16 @@ class Records:
         self._listeners: list[Callable[[str], object]] = []
 
     def get(self, id_: str) -> Job | None:
-        """The current record."""
+        """Returns the current record, or None."""
         return self._parse(id_, self._table.get(id_))
 
     def get_many(self, ids: Sequence[str]) -> dict[str, Job]:
-        """The records of those ids that have one."""
+        """Returns the records of those ids that have one."""
         found = {id_: self._parse(id_, text) for id_, text in self._table.get_many(ids).items()}
         return {id_: job for id_, job in found.items() if job is not None}
 
     def update(self, id_: str, step: Callable[[Job | None], Job | None]) -> Job | None:
-        """Replaces the record by `step(record)` and returns it; calls `step` again if the record changed meanwhile.
+        """Replaces the record by `step(record)` and returns it. Calls `step` again if the record has changed.
 
         Changes nothing and returns None if `step` returns None.
         """
@@ -48,7 +48,7 @@ class Records:
                 return after
 
     def remove(self, id_: str, condition: Callable[[Job], bool]) -> Job | None:
-        """Removes the record if it meets `condition`, or is unreadable, and returns it."""
+        """Removes the record if it meets `condition` or is unreadable, and returns it."""
         while True:
             before = self._table.get(id_)
             if before is None:
@@ -60,7 +60,7 @@ class Records:
                 return job
 
     def subscribe(self, notify: Callable[[str], object]) -> None:
-        """Calls `notify` with the id of each job that is updated through this object, in the thread that does it."""
+        """Calls `notify` with the id of each job that is updated through this object, in the thread that updates it."""
         self._listeners.append(notify)
 
     def _parse(self, id_: str, text: bytes | None) -> Job | None:

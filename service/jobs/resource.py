@@ -12,15 +12,15 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 PROGRAMMING_ERRORS = (AssertionError, AttributeError, NameError, TypeError)
-"""Errors that no client of an object store raises where its store fails, although each has errors of its own."""
+"""Errors that no client of an object store raises when its store fails, although each client has its own errors."""
 _log = logging.getLogger("ciir.jobs")
 
 
 class Resource:
-    """The queue, or the files. Threads may share it."""
+    """The queue, or the files. Threads can share it."""
 
     def __init__(self, name: str, describe: Callable[[Exception], str | None]) -> None:
-        """`describe`: the message for clients if an exception is an error of this resource, else None."""
+        """`describe` returns the message for clients if an exception is an error of this resource, else None."""
         self._name, self._describe = name, describe
         self._error = ""
 

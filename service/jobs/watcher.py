@@ -1,4 +1,4 @@
-"""Waiting for changes of jobs: one read serves all that wait for a job, and one query all jobs that are due."""
+"""Waits for changes of jobs: one read serves everyone that waits for a job, and one query all jobs that are due."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ class _Watch:
     """A job that is waited for."""
 
     waiters: dict[asyncio.Future[Job | None], int] = field(default_factory=dict)
-    """With the number of events that each has seen."""
+    """The waiting futures, with the number of events that each has seen."""
     due: float = 0.0
-    """When it is read next, as the event loop counts."""
+    """The time of the next read, on the event loop's clock."""
     pause: float = 0.0
 
 
 class Watcher:
-    """Reads a job's record when this process has changed it or the queue notifies, and at growing intervals besides.
+    """Reads a job's record when this process has changed it or the queue notifies, and also at growing intervals.
 
-    Coroutines of one event loop at a time may wait.
+    Only coroutines of one event loop at a time may wait.
     """
 
     def __init__(self, records: Records, queue: Queue) -> None:
@@ -47,7 +47,7 @@ class Watcher:
         records.subscribe(self._notify)
 
     async def wait_for_change(self, id_: str, seen: int) -> Job | None:
-        """The job, as soon as it has ended or has other than `seen` events; None once `stop` was called.
+        """Returns the job as soon as it has ended or its number of events is not `seen`; None once `stop` was called.
 
         Raises `LookupError` if the job is removed, and `QueueUnavailable`.
         """
@@ -65,13 +65,13 @@ class Watcher:
             watch.waiters.pop(change, None)
 
     def stop(self) -> None:
-        """Makes all waiting coroutines return, now and later; for the thread of the event loop."""
+        """Makes all waiting coroutines return, now and later. Call it in the thread of the event loop."""
         self._is_stopped = True
         for id_ in self._watches:
             self._set_due(id_)
 
     def _notify(self, id_: str) -> None:
-        """Has a changed job read; for any thread."""
+        """Schedules the read of a changed job. Can be called from any thread."""
         if id_ in self._watches and self._loop is not None:
             with suppress(RuntimeError):  # the event loop is closed
                 self._loop.call_soon_threadsafe(self._set_due, id_)
@@ -82,7 +82,7 @@ class Watcher:
             self._wake.set()
 
     async def _read(self) -> None:
-        """Reads what is due, until nothing is waited for."""
+        """Reads the jobs that are due, until nothing is waited for."""
         try:
             while self._watches:
                 self._wake.clear()
@@ -101,14 +101,14 @@ class Watcher:
         due = {id_: list(watch.waiters.items()) for id_, watch in self._watches.items() if watch.due <= now}
         if not due:
             return
-        for watch in (self._watches[id_] for id_ in due):  # before the read, so that a change meanwhile has it repeated
+        for watch in (self._watches[id_] for id_ in due):  # before the read, so that a change during it causes another
             watch.due, watch.pause = now + watch.pause, min(1.6 * watch.pause, self._queue.poll_seconds[1])
         is_stopped = self._is_stopped  # likewise: a job that ended before `stop` is returned, not None
         jobs: dict[str, Job] = {}
         error: Exception | None = None
         try:
             jobs = await to_thread.run_sync(self._get_many, list(due))
-        except Exception as raised:  # noqa: BLE001 - raised where they wait
+        except Exception as raised:  # noqa: BLE001 - raised in the waiting coroutines
             error = raised
         woken = 0
         for id_, waiters in due.items():

@@ -1,4 +1,4 @@
-"""The folder of files that `ciir` can make again."""
+"""The folder for files that `ciir` can create again."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ NAME = "CIIR_CACHE"
 COSTS = "costs.json"
 """The file of measured costs (`service.pipeline.planning.cost`)."""
 is_read_only = False
-"""Set in worker processes, which may not write files: what would be kept in the folder stays in memory."""
+"""Set in worker processes, which must not write files. They keep in memory what would be kept in the folder."""
 
 
 def folder() -> Path | None:
-    """`CIIR_CACHE`, else `ciir` in `XDG_CACHE_HOME`, else in `~/.cache`; None for a process without a home."""
+    """Returns `CIIR_CACHE`, else `ciir` in `XDG_CACHE_HOME`, else in `~/.cache`; None for a process without a home."""
     if given := os.environ.get(NAME):
         return Path(given)
     if given := os.environ.get("XDG_CACHE_HOME"):

@@ -31,9 +31,10 @@ def render_eia(
     max_pixels: int | None = None,
     clock: Clock | None = None,
 ) -> Report:
-    """Gives a mesh's elemental image array, `(rows*pixels_v, cols*pixels_u, 3)` RGB, to `keep`; returns its report.
+    """Passes a mesh's EIA, `(rows*pixels_v, cols*pixels_u, 3)` RGB, to `keep`, and returns its report.
 
-    `max_pixels`: most samples of the mesh. Raises as `reconstruct`, and `InvalidOption` where the input is no mesh.
+    `max_pixels`: most samples of the mesh. Raises the same errors as `reconstruct`, and `InvalidOption` if the input is
+    not a mesh.
     """
     clock = clock or Clock()
     given = Input(source)
@@ -72,8 +73,9 @@ def render_eia(
 
 
 def encode_eia(pixels: Pixels, options: Options, suffix: str = ".png") -> bytes:
-    """The picture file of what `render_eia` makes with `options`. A PNG says how its lenses lie in it, so that it needs
-    no options to be read.
+    """Encodes the output of `render_eia` with `options` as a picture file.
+
+    A PNG states the layout of its lenses, so that it can be read without options.
     """
     array = resolve_array(options)
     shape = (array.pixels_v, array.pixels_u, array.rows, array.cols)

@@ -1,4 +1,4 @@
-"""The job: everything that the options and the input settle together, resolved once and frozen."""
+"""The job: everything that the options and the input determine together, resolved once and frozen."""
 
 from __future__ import annotations
 
@@ -33,24 +33,24 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.source import Content
 
 LENSES, PIXELS = (100, 100), (15, 15)
-"""The lens array in front of a mesh where the options don't give one."""
+"""The lens array in front of a mesh if the options don't give one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """What a reconstruction has to do. Nothing behind it looks at an option."""
+    """What a reconstruction has to do. Later stages don't look at options."""
 
     name: str
-    """The input's, for messages."""
+    """The input's name, for messages."""
     content: Content
     lenses: tuple[int, int]
     """Rows and columns: the pixels of a view."""
     grid: tuple[int, int]
     """Rows and columns of views: the pixels under a lens."""
     pitch: float | None
-    """Distance between lenses, in scene units; None where nothing is known of it."""
+    """Distance between lenses, in scene units; None if it is unknown."""
     delta: float | None
-    """Tangent from one pixel to the next; None where nothing is known of it."""
+    """Tangent from one pixel to the next; None if it is unknown."""
     wanted: tuple[View, ...]
     model: str
     """A name of the catalogue, `auto` or `none`."""
@@ -58,16 +58,17 @@ class Job:
     strategy: Strategy
     backend: Backend
     sampling: Sampling
-    """How the lenses see, or saw."""
+    """How the lenses sample the scene, or sampled it."""
     background: tuple[int, int, int]
     placement: Placement
-    """Of a mesh."""
+    """The placement of a mesh."""
     neighbour_time: float
-    """Most seconds, predicted, that `auto` spends on a light-field network whose views around have to be rendered."""
+    """Most seconds, as predicted, that `auto` spends on a light-field network for which neighbouring views are
+    rendered."""
     skip: bool
     """Whether triangles and pixels that can't change the result are skipped."""
     frames: int = 1
-    """How often all of this is done: a mesh at several times or yaws."""
+    """How many times the job is done: once, or for a mesh at each of several times or yaws."""
     max_pixels: int | None = None
     """Most output pixels, and most samples of a mesh, of all views and frames together."""
 
@@ -78,13 +79,13 @@ class Job:
 
     @cached_property
     def array(self) -> LensArray:
-        """The lens array, with a pitch of 1 and a usual delta where nothing is known of them."""
+        """The lens array, with a pitch of 1 and a usual delta if they are unknown."""
         return LensArray(*self.lenses, *self.grid, self.pitch or 1.0, self.delta or 0.0)
 
     @cached_property
     def scene_transform(self) -> NDArray[np.float64]:
-        """The 4x4 matrix that places the mesh at the lens array; a pass over all vertices, made once."""
-        assert self.mesh is not None  # noqa: S101 - a light field has no place
+        """The 4x4 matrix that places the mesh at the lens array. Computed once, because it passes over all vertices."""
+        assert self.mesh is not None  # noqa: S101 - a light field is not placed
         return frame_scene(self.mesh, self.array, self.placement)
 
     @property
@@ -94,17 +95,17 @@ class Job:
 
     @property
     def depth_sense(self) -> DepthSense:
-        """How views move with depth; those of a mesh are a lens array's."""
+        """How views move with depth. A mesh's views are those of a lens array."""
         return "lenses" if isinstance(self.content, Scene) else self.content.depth_sense
 
     @property
     def pixel_aspect(self) -> float:
-        """As `LightField.pixel_aspect`."""
+        """The same as `LightField.pixel_aspect`."""
         return self.content.pixel_aspect if isinstance(self.content, LightField) else 1.0
 
     @cached_property
     def is_transparent(self) -> bool:
-        """Whether some pixel of some view that may be used is not opaque. A mesh's views are opaque."""
+        """Whether any pixel of any view that may be used is not opaque. A mesh's views are opaque."""
         if isinstance(self.content, ViewFiles):
             has_alpha = self.content.shape[4] in (2, 4)
             return has_alpha and self.content.is_transparent(self.arrangement.list_required(self.wanted))
@@ -112,15 +113,17 @@ class Job:
 
     @cached_property
     def order(self) -> OrderEstimate | None:
-        """The order that a light field's views are in; None for a mesh and where it is known to be right."""
+        """The estimated order of a light field's views; None for a mesh, and if the order is known to be right."""
         if isinstance(self.content, Scene) or self.content.is_ordered:
             return None
         return estimate_order(self.content if isinstance(self.content, ViewFiles) else self.content.views)
 
     @cached_property
     def arrangement(self) -> Arrangement:
-        """Which views lie around which. Sets of views always have windows of the nearest: to look for how far content
-        moves would decode views that may not be needed.
+        """Which views are neighbours.
+
+        The windows of a set of views always consist of the nearest ones: measuring how far content moves would decode
+        views that may not be needed.
         """
         arrangement = arrange_views(self.grid, self.order)
         if not isinstance(self.content, LightField) or arrangement.places is not None:
@@ -129,9 +132,9 @@ class Job:
 
 
 def resolve_job(name: str, content: Content, options: Options, *, max_views: int, max_pixels: int | None = None) -> Job:
-    """The job that `options` ask for of `content`, which was read from the input `name`.
+    """Resolves the job that `options` ask for with `content`, which was read from the input `name`.
 
-    Raises `InvalidOption` where an option doesn't fit the kind of input, `UnknownModel`, and `TooLarge` where more than
+    Raises `InvalidOption` if an option doesn't fit the kind of input, `UnknownModel`, and `TooLarge` if more than
     `max_views` views are asked for.
     """
     if isinstance(content, Scene):
@@ -173,7 +176,7 @@ def resolve_job(name: str, content: Content, options: Options, *, max_views: int
 
 
 def resolve_array(options: Options) -> LensArray:
-    """The lens array in front of a mesh; by default 100x100 lenses of 15x15 pixels with a pitch of 1."""
+    """Returns the lens array in front of a mesh; by default 100x100 lenses of 15x15 pixels with a pitch of 1."""
     rows, cols = options.lenses or LENSES
     pixels_v, pixels_u = options.pixels or PIXELS
     delta = _resolve_delta(options, (pixels_v, pixels_u)) or 0.0
@@ -198,8 +201,9 @@ def _parse_views(content: Content, options: Options, grid: tuple[int, int]) -> t
 
 
 def check_kind(name: str, content: Content, options: Options, *, is_upscaled: bool = False) -> None:
-    """Raises `InvalidOption` for an option that is for the other kind of input; `sampling` is for pictures that are
-    upscaled too.
+    """Raises `InvalidOption` for an option that is for the other kind of input.
+
+    `sampling` is also for pictures that are upscaled.
     """
     if isinstance(content, Scene):
         if options.pickup == "optical":

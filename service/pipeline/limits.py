@@ -1,4 +1,4 @@
-"""Limits on what is read, from the environment, and on what one job may ask for, checked before any view is made."""
+"""Limits on inputs, from the environment, and limits on what one job may ask for, checked before any view is made."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 Strategy = Literal["upscale", "direct"]
 MAX_VIEW_PIXELS = 64_000_000
-"""Most pixels in one view, in or out: as many as a picture may have that is read."""
+"""Most pixels in one view, in or out: the same as for a picture that is read."""
 MAX_VIEW_SAMPLES = 64_000_000
-"""Most points of a mesh that are sampled for one view: memory grows by about 10 bytes for each."""
+"""Most points of a mesh sampled for one view. Memory grows by about 10 bytes for each."""
 SETTINGS = {
     "files": ("CIIR_MAX_FILES", 1, 1_000_000),
     "bytes": ("CIIR_MAX_UNPACKED_BYTES", 1024, 2**40),
@@ -36,7 +36,7 @@ _REMEDY: dict[Strategy, str] = {
 
 
 def read_limits() -> Limits:
-    """The limits on an input that the environment sets. Raises `InvalidOption`."""
+    """Reads the limits on inputs from the environment. Raises `InvalidOption`."""
     given: dict[str, int] = {}
     for field, (name, least, most) in SETTINGS.items():
         text = os.environ.get(name, "").strip()
@@ -52,9 +52,9 @@ def read_limits() -> Limits:
 
 
 def describe_setting(error: TooLarge) -> str:
-    """What to add to the message of `error`: what to type for ten times the limit, or for what is needed.
+    """Returns what to add to the message of `error`: what to type for ten times the limit, or for what is needed.
 
-    Empty where no setting raises the limit.
+    Empty if no setting raises the limit.
     """
     if not error.limit:
         return ""
@@ -64,7 +64,7 @@ def describe_setting(error: TooLarge) -> str:
 
 
 def check_view_count(spec: str, grid: tuple[int, int], limit: int) -> None:
-    """Raises `TooLarge` where `spec`, with `;` between views, names more than `limit` of the views of `grid`."""
+    """Raises `TooLarge` if `spec`, with `;` between views, names more than `limit` of the views of `grid`."""
     if spec == "all" and grid[0] * grid[1] > limit:
         raise TooLarge(
             f"views: all of {grid[0]}x{grid[1]} are over the limit of {limit:,}; name some, or fewer pixels", "views"
@@ -82,7 +82,7 @@ def check_frame_count(count: int, limit: int) -> None:
 def check_size(
     size: tuple[int, int], scale: int, *, count: int = 1, limit: int | None = None, what: str = "a view"
 ) -> None:
-    """Raises `TooLarge` where a view of `size` (rows, columns) times `scale` has too many pixels, or `count` views
+    """Raises `TooLarge` if a view of `size` (rows, columns) times `scale` has too many pixels, or if `count` views
     together have more than `limit`.
     """
     rows, cols = size[0] * scale, size[1] * scale
@@ -101,7 +101,7 @@ def check_size(
 
 
 def check_view_samples(array: LensArray, samples: int, strategy: Strategy) -> None:
-    """Raises `TooLarge` where a view of `array` with `samples x samples` points for each pixel has too many points."""
+    """Raises `TooLarge` if a view of `array` with `samples x samples` points for each pixel has too many points."""
     points = array.rows * array.cols * samples**2
     if points > MAX_VIEW_SAMPLES:
         raise TooLarge(
@@ -111,7 +111,7 @@ def check_view_samples(array: LensArray, samples: int, strategy: Strategy) -> No
 
 
 def check_samples(points: int, count: int, limit: int | None, strategy: Strategy, *, neighbours: int = 0) -> None:
-    """Raises `TooLarge` where `count` views with `points` samples each are over `limit`.
+    """Raises `TooLarge` if `count` views with `points` samples each are over `limit`.
 
     `neighbours`: how many of them are rendered only because a light-field network needs them.
     """
@@ -124,7 +124,7 @@ def check_samples(points: int, count: int, limit: int | None, strategy: Strategy
 
 
 def check_eia(array: LensArray) -> None:
-    """Raises `TooLarge` where a mesh's elemental image array would have more pixels than a picture may have."""
+    """Raises `TooLarge` if a mesh's elemental image array would have more pixels than a picture may have."""
     height, width = array.rows * array.pixels_v, array.cols * array.pixels_u
     if height * width > MAX_VIEW_PIXELS or max(height, width) > MAX_SIDE:
         raise TooLarge(

@@ -1,6 +1,6 @@
 """Runs a job of any kind from an upload to one file, as worker processes do.
 
-What only some kinds of jobs need is imported where they run: SciPy and Embree take 150 MB of address space.
+Modules that only some kinds of jobs need are imported when they run: SciPy and Embree take 150 MB of address space.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.source import Source
 
     Run = Callable[[Source, "Options", "Output"], tuple[str, "Report"]]
-    """Returns the name of the format that was written, and the report; raises as `service.pipeline.run` does."""
+    """Returns the name of the format that was written, and the report. Raises the same errors as
+    `service.pipeline.run`."""
 
 _SUFFIXES = {entry.name: entry.suffixes[0] for entry in FORMATS}
 _TAKEN: dict[KindName, str] = {
@@ -45,16 +46,16 @@ _TAKEN: dict[KindName, str] = {
         suffix for suffix, entry in SUFFIXES.items() if isinstance(entry, MeshFormat) or entry is ZIP
     ),
 }
-"""The suffixes of the files of kinds that don't take all."""
+"""The file suffixes for the kinds that don't take all files."""
 
 
 @dataclass(frozen=True)
 class Output:
-    """Where a job's result goes, and what limits and counts its work."""
+    """Where a job's result is written, and what limits and measures its work."""
 
     file: IO[bytes]
     format: str | None
-    """One of the kind's formats; None: its default."""
+    """One of the kind's formats, or None for its default."""
     max_pixels: int
     """Most output pixels, and most samples of a mesh."""
     progress: Progress
@@ -62,7 +63,7 @@ class Output:
 
 
 def open_upload(kind: KindName, name: str, data: bytes, limits: Limits) -> Source:
-    """As `Bundle.from_upload`, or the name of a shipped scene; `UnsupportedType` lists what the kind takes."""
+    """Opens an upload like `Bundle.from_upload`, or a shipped scene. `UnsupportedType` lists what the kind takes."""
     if name.startswith(SCENE):
         return name.removeprefix(SCENE)
     try:
@@ -82,7 +83,9 @@ def _reconstruct(source: Source, options: Options, output: Output) -> tuple[str,
 def _upscale(source: Source, options: Options, output: Output) -> tuple[str, Report]:
     assert isinstance(source, Bundle)  # noqa: S101 - the kind takes no scenes
     if source.main is None:
-        raise InvalidOption(f"{source.name}: holds several files; send one picture, or views as a reconstruction")
+        raise InvalidOption(
+            f"{source.name}: this holds several files; send one picture, or send views to a reconstruction"
+        )
     name = output_names([source.main])[source.main] if output.format is None else f"upload{_SUFFIXES[output.format]}"
     report = upscale_files(
         source.files,
@@ -185,4 +188,4 @@ RUNS: dict[KindName, Run] = {
     "disparity": _find_disparity,
     "inspection": _inspect,
 }
-"""By kind."""
+"""The function that runs each kind."""

@@ -32,9 +32,9 @@ _LOSSLESS = (".png", ".tif", ".tiff")
 
 
 def output_names(inputs: list[str]) -> dict[str, str]:
-    """Input name -> output name. PNG and TIFF keep their format; any other becomes a PNG, which keeps every bit.
+    """Maps input names to output names. PNG and TIFF keep their format; any other becomes a PNG, which keeps every bit.
 
-    Raises `InvalidOption` where two inputs would make one output.
+    Raises `InvalidOption` if two inputs would make the same output.
     """
     names: dict[str, str] = {}
     taken: dict[str, str] = {}
@@ -61,18 +61,18 @@ def upscale_files(
     progress: Progress | None = None,
     clock: Clock | None = None,
 ) -> Report:
-    """Upscales the pictures that `outputs` names, one at a time, with their depth and channels; returns the report.
+    """Upscales the pictures that `outputs` names, one at a time, keeping their depth and channels. Returns the report.
 
-    `files`: name to bytes. `outputs`: input name to output name, whose suffix is the format (see `output_names`).
-    `model`: one that takes single pictures; `auto` is the catalogue's default. `skip`: whether pixels with a known
-    result are skipped. `limits`: on the inputs; `max_pixels`: most pixels of an output.
-    Raises `InputError`, with the picture's name, and `ModelError`.
+    `files`: name to bytes. `outputs`: input name to output name, whose suffix selects the format (see `output_names`).
+    `model`: a model for single pictures; `auto` is the catalogue's default. `skip`: whether pixels with a known result
+    are skipped. `limits`: limits on the inputs. `max_pixels`: most pixels of an output.
+    Raises `InputError` with the picture's name, and `ModelError`.
     """
     from ciir.models.single.pixels import upscale_pixels
 
     clock = clock or Clock()
     if model == NO_MODEL:
-        raise InvalidOption("model: none leaves pictures as they are; give one that `ciir models` lists")
+        raise InvalidOption("model: none leaves pictures as they are; give a model that `ciir models` lists")
     name_of_model = catalogue.default_name() if model == AUTO else model
     with clock.stage("upscale"):
         upscaler = catalogue.load_upscaler(name_of_model, scale=scale)
@@ -86,7 +86,7 @@ def upscale_files(
             if (profile := colour_profiles.name_profile(files[name])) is not None:
                 profiles.setdefault(profile, []).append(name)
             is_rounded = is_rounded or pictures.is_rounded(files[name])
-        _encode(pixels[:1, :1], output)  # what the format can't hold is found before the work
+        _encode(pixels[:1, :1], output)  # raises before the work starts if the format can't hold the picture
         check_size(pixels.shape[:2], scale, limit=max_pixels, what=name)
         with clock.stage("upscale"):
             begun = time.perf_counter()

@@ -18,20 +18,22 @@ if TYPE_CHECKING:
 
 Stage = Literal["decode", "plan", "render", "map", "upscale", "focus", "encode"]
 STAGES = get_args(Stage)
-"""In the order of the work; `total` follows. `plan` includes measuring the costs that `--strategy auto` needs."""
+"""Stages in the order of the work; `total` follows. `plan` includes measuring the costs that `--strategy auto`
+needs."""
 
 Report = dict[str, Any]
-"""Ready for JSON; `service.pipeline.run` puts its keys together."""
+"""A report, ready for JSON. `service.pipeline.run` puts its keys together."""
 
 
 class _Nested(threading.local):
     seconds = 0.0
-    """Of the stages within the one that this thread is in."""
+    """Time spent in stages inside the one that this thread is in."""
 
 
 class Clock:
-    """Counts wall-clock milliseconds for each stage. Those of several threads overlap; a stage within another isn't
-    counted twice. Each is in one thread at a time.
+    """Counts wall-clock milliseconds for each stage.
+
+    Times of several threads overlap. A stage inside another isn't counted twice. Each stage is in one thread at a time.
     """
 
     def __init__(self) -> None:
@@ -41,7 +43,7 @@ class Clock:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Counts the time of the block to `name`, one of `STAGES`, also where the block raises."""
+        """Counts the time of the block for `name`, one of `STAGES`, even if the block raises."""
         before, self._nested.seconds = self._nested.seconds, 0.0
         begun = time.perf_counter()
         try:
@@ -52,7 +54,7 @@ class Clock:
             self._nested.seconds = before + took
 
     def timings_ms(self) -> dict[str, float]:
-        """Milliseconds of the stages that ran, and `total` up to now."""
+        """Returns the milliseconds of the stages that ran, and `total` up to now."""
         seconds = {stage: self._seconds[stage] for stage in STAGES if stage in self._seconds}
         seconds["total"] = time.perf_counter() - self._begun
         return {stage: round(1000.0 * s, 3) for stage, s in seconds.items()}
@@ -71,7 +73,7 @@ class CountedFiles(Mapping[str, bytes]):
         return data
 
     def read_start(self, key: str, length: int) -> bytes | None:
-        """As `picture_sizes.StartReader.read_start`; not counted."""
+        """Reads the start of a file as `picture_sizes.StartReader.read_start` does. It is not counted."""
         return read_start(self._files, key, length)
 
     def __contains__(self, key: object) -> bool:
@@ -85,7 +87,7 @@ class CountedFiles(Mapping[str, bytes]):
 
 
 def skip_reasons(skipped: Mapping[str, Any] | None) -> list[str]:
-    """A sentence on what `plan.skipped` counts; none where nothing was skipped."""
+    """Describes in one sentence what `plan.skipped` counts; empty if nothing was skipped."""
     shares = {name: share for name, share in (skipped or {}).items() if name not in ("pixels", "saved_ms") and share}
     culled = shares.pop("culled", 0.0)
     parts = [f"{_percent(culled)} of the triangles, which no ray meets"] if culled else []
@@ -102,18 +104,18 @@ def _percent(share: float) -> str:
 
 
 def find_versions(*packages: str) -> dict[str, str]:
-    """Versions of this package, Python, and the `packages` that took part."""
+    """Returns the versions of this package, Python, and the `packages` that were used."""
     return {name: _find_version(name) for name in ("ciir", "python", *packages)}
 
 
 @cache
 def _find_version(name: str) -> str:
-    """Looked up once: each takes a third of a millisecond."""
+    """Returns the version of a package. Looked up once, because it takes a third of a millisecond."""
     return platform.python_version() if name == "python" else version(name)
 
 
 def describe_array(job: Job) -> Report:
-    """The report's `lens_array`; pitch and delta are null where nothing is known of them."""
+    """Returns the report's `lens_array`; pitch and delta are null if they are unknown."""
     rows, cols, pixels_v, pixels_u = *job.lenses, *job.grid
     counts = {"rows": rows, "cols": cols, "pitch": job.pitch, "pixels_v": pixels_v, "pixels_u": pixels_u}
     return counts | {"delta": job.delta, "depth_sense": job.depth_sense}

@@ -46,9 +46,9 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.stages.view_sources import ViewSource
 
 Progress = Callable[[int, int], object]
-"""Called with the number of views that are finished and of all, first with 0 before any view is made."""
+"""Called with the number of finished views and the number of all views; first with 0, before any view is made."""
 MOST_KEPT = 256 * 2**20
-"""Bytes of a mesh at several times or yaws that are kept from framing to rendering."""
+"""Most bytes of a mesh at several times or yaws that are kept between framing and rendering."""
 
 
 def reconstruct(
@@ -60,17 +60,18 @@ def reconstruct(
     progress: Progress | None = None,
     clock: Clock | None = None,
 ) -> Report:
-    """Gives the views that `options` ask for to `writer`, and returns the report, which `writer` gets too.
+    """Passes the views that `options` ask for to `writer`. Returns the report, which `writer` also gets.
 
-    Views are made, upscaled and encoded in batches, each stage in a thread of its own: their times overlap and may add
-    up to more than the total. `writer` and `progress` are called in the caller's thread. Errors are raised in the order
-    of views, and no thread outlives the call. A mesh's views are RGB; pictures keep channels and depth.
+    Views are made, upscaled and encoded in batches, with each stage in its own thread, so the times of stages overlap
+    and can add up to more than the total. `writer` and `progress` are called in the caller's thread. Errors are raised
+    in the order of views, and no thread outlives the call. A mesh's views are RGB; pictures keep their channels and
+    depth.
 
-    `max_pixels`: most output pixels of all views together, and most samples of a mesh, with the views that are rendered
-    only to help others. `clock`: counts the stages' time.
+    `max_pixels`: most output pixels of all views together, and most samples of a mesh, including views that are
+    rendered only to help others. `clock`: counts the time of the stages.
 
-    Raises `InputError`, `ModelError` and `BackendUnavailable`; what the input's header and the options show is raised
-    before `writer.begin`.
+    Raises `InputError`, `ModelError` and `BackendUnavailable`. Errors that can be found from the input's header and the
+    options are raised before `writer.begin`.
     """
     clock = clock or Clock()
     given = Input(source)
@@ -92,14 +93,14 @@ def _reconstruct_frames(
     progress: Progress | None,
     clock: Clock,
 ) -> Report:
-    """Gives one view of a mesh at each time or yaw, framed and made alike, to `writer`."""
+    """Passes one view of a mesh at each time or yaw to `writer`, all framed and made in the same way."""
     moments = options.moments
     each = [options.select_moment(moment) for moment in moments]
     with clock.stage("decode"):
         check_frame_count(len(moments), given.limits.views)
         content = _open_first(given, each)
         check_kind(given.name, content, options)
-        assert isinstance(content, Scene)  # noqa: S101 - else an option that makes frames was refused
+        assert isinstance(content, Scene)  # noqa: S101 - otherwise an option that makes frames was refused
     with clock.stage("plan"):
         job = resolve_job(given.name, content, each[0], max_views=given.limits.views, max_pixels=max_pixels)
         if len(job.wanted) > 1:
@@ -124,7 +125,7 @@ def _reconstruct_frames(
                 kept.append(None)
                 continue
             size += scene.nbytes
-            kept.append(scene if size <= MOST_KEPT else None)  # else it is read again
+            kept.append(scene if size <= MOST_KEPT else None)  # otherwise it is read again later
             extremes.append(find_extremes(scene, job.array, single.placement, turns[number]))
             windows.append(scene.window)
         framed = make_frame(extremes, windows)
@@ -149,15 +150,16 @@ def _reconstruct_frames(
     if empty:
         joined["notes"].append(
             f"time: nothing of the mesh is visible at {len(empty)} of {len(moments)} times, the first "
-            f"{moments[min(empty)]['time']:g} s: the background alone is drawn"
+            f"{moments[min(empty)]['time']:g} s; only the background is drawn then"
         )
     writer.finish(joined)
     return joined
 
 
 def _open_first(given: Input, each: Sequence[Options]) -> Content:
-    """The mesh at the first moment, of whose options `each` are, at which there is something to draw; at all yaws there
-    is the same. Raises as `Input.open`.
+    """Opens the mesh at the first moment when there is something to draw; `each` are the options of the moments.
+
+    At all yaws there is the same to draw. Raises the same errors as `Input.open`.
     """
     if all(single.time == each[0].time for single in each):
         return given.open(each[0], each[0].views)
@@ -179,7 +181,7 @@ def _reconstruct(
     plan: Plan | None = None,
     frames: int = 1,
 ) -> Report:
-    """Gives the views of `content` to `writer`; returns the report. The plan is made where none is given."""
+    """Passes the views of `content` to `writer`, and returns the report. Makes the plan if none is given."""
     with clock.stage("plan"):
         job = resolve_job(given.name, content, options, max_views=given.limits.views, max_pixels=max_pixels)
         job = replace(job, frames=frames)
@@ -247,7 +249,10 @@ def _reconstruct(
 
 
 def _schedule(job: Job, plan: Plan, views: ViewSource, wanted: Sequence[View]) -> list[Batch]:
-    """The batches of the job, of its views as they are made. Raises `TooLarge` where they are over its limits."""
+    """Schedules the batches of the job, including its neighbouring views.
+
+    Raises `TooLarge` if they exceed its limits.
+    """
     check_size(job.lenses, plan.scale, count=len(job.wanted) * job.frames, limit=job.max_pixels)
     size = batch_size(job.lenses[0] * job.lenses[1] * plan.scale**2)
     batches = schedule_batches(wanted, _arrange(job, plan), size=size, is_light_field=plan.is_light_field)
@@ -258,14 +263,14 @@ def _schedule(job: Job, plan: Plan, views: ViewSource, wanted: Sequence[View]) -
 
 
 def _arrange(job: Job, plan: Plan) -> Arrangement:
-    """Which views lie around which; what the pictures show of it is looked at only where the model takes several."""
+    """Returns which views are neighbours. The pictures are examined for this only if the model takes several views."""
     if plan.view_windows is not None:
         return Arrangement(plan.view_windows.list_grid(job.grid))
     return job.arrangement if plan.is_light_field else Arrangement(job.grid)
 
 
 def _describe_contents(job: Job, plan: Plan, sample: Pixels) -> Contents:
-    """What a writer gets: views like `sample`, `(1, 1, C)`."""
+    """Returns what a writer needs to know: views like `sample`, `(1, 1, C)`."""
     rows, cols = job.lenses
     return Contents(
         views=job.wanted,

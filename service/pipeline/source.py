@@ -39,35 +39,35 @@ class SupportsRead(Protocol):
     """A file object that is open for reading bytes."""
 
     def read(self, size: int, /) -> bytes:
-        """At most `size` bytes; none at the end."""
+        """Reads at most `size` bytes; returns none at the end."""
         ...
 
 
 Source = Bundle | LightField | Scene | str
-"""Files, a light field or a mesh in memory, or the name of a scene of `renderer.scenes`."""
+"""Files, a light field or a mesh in memory, or the name of a scene in `renderer.scenes`."""
 
 
 Content = Scene | LightField | ViewFiles
-"""What is read of it: a mesh, or views in memory, or views that are decoded when they are first used."""
+"""What is read from a source: a mesh, views in memory, or views that are decoded when they are first used."""
 
 SCENE = "scene:"
-"""What the name of a shipped scene starts with, as in `scene:vase`."""
+"""The prefix of a shipped scene's name, as in `scene:vase`."""
 
 
 def open_source(text: str) -> Source:
-    """`scene:NAME`, or the files at a path. Raises `InputError`."""
+    """Opens `scene:NAME`, or the files at a path. Raises `InputError`."""
     return text.removeprefix(SCENE) if text.startswith(SCENE) else open_bundle(text)
 
 
 def open_bundle(text: str) -> Bundle:
-    """The file, the folder or the zip at a path, within the limits of the environment. Raises `InputError`."""
+    """Opens the file, folder or zip at a path, within the limits of the environment. Raises `InputError`."""
     if not text:
-        raise InvalidOption("INPUT: '' is no name; give a file, a folder, or . for this folder")
+        raise InvalidOption("INPUT: '' is not a name; give a file, a folder, or . for this folder")
     return Bundle.from_path(Path(text), read_limits())
 
 
 def add_frames(source: Source, *, white: str | PathLike[str] | None, dark: str | PathLike[str] | None) -> Source:
-    """The raw lenslet picture `source` with the pictures at these paths as its frames, as a zip of them would be.
+    """Adds the white and dark frames at these paths to the raw lenslet picture `source`, like a zip of them.
 
     Raises `InputError`.
     """
@@ -76,24 +76,24 @@ def add_frames(source: Source, *, white: str | PathLike[str] | None, dark: str |
         return source
     for name, path in paths.items():
         if not is_picture(path.name):
-            raise InvalidOption(f"{name}: {path} is no picture; give one as large as the raw picture, such as a PNG")
+            raise InvalidOption(f"{name}: {path} is not a picture; give one as large as the raw picture, such as a PNG")
     if not isinstance(source, Bundle) or source.main is None or not (is_picture(source.main) or _is_array(source.main)):
         raise InvalidOption(
-            f"{', '.join(paths)}: frames go with one raw lenslet picture; give that as the input, with its suffix, "
-            "such as .png"
+            f"{', '.join(paths)}: frames go with one raw lenslet picture; give the picture as the input, with its "
+            "suffix, such as .png"
         )
     frames = {f"frames/{name}{path.suffix}": read_file(path, source.limits) for name, path in paths.items()}
     return replace(source, main=None, files={source.main: source.files[source.main]} | frames)
 
 
 def draw_grid_at(source: Source, options: Options, path: str | PathLike[str]) -> Source:
-    """`source`, a raw lenslet picture, whose lens grid is written over it as a PNG when it is read.
+    """Returns the raw lenslet picture `source`, set up to write a PNG with its lens grid drawn over it when it is read.
 
     Raises `InvalidOption`.
     """
     place = read_path(path, "show_grid")
     if place.suffix.lower() != ".png":
-        raise InvalidOption(f"show_grid: {str(path)!r} doesn't end with .png, and a PNG is written; rename it")
+        raise InvalidOption(f"show_grid: {str(path)!r} doesn't end with .png; rename it, as a PNG is written")
     from ciir.renderer.readers.inputs import find_picture
 
     found = find_picture(source) if isinstance(source, Bundle) else None
@@ -111,12 +111,12 @@ def draw_grid_at(source: Source, options: Options, path: str | PathLike[str]) ->
 
 
 def _is_array(name: str) -> bool:
-    """Whether `name` has the suffix of a format of arrays, which may hold a picture."""
+    """Checks whether `name` has the suffix of an array format, which may hold a picture."""
     return Path(name).suffix.lower() in ARRAY_PICTURE.suffixes
 
 
 class Input:
-    """A source, and a count of the files and bytes that were read of it."""
+    """A source, with a count of the files and bytes that were read from it."""
 
     def __init__(self, source: Source) -> None:
         self._source = source
@@ -133,21 +133,23 @@ class Input:
 
     @property
     def bundle(self) -> Bundle | None:
-        """The files, counted as they are read; None for what is in memory."""
+        """The files, counted as they are read; None for an input in memory."""
         return self._source if isinstance(self._source, Bundle) else None
 
     def read(self, options: Options) -> Scene | LightField:
-        """The mesh, or the light field with all its views in memory. Raises `InputError`."""
+        """Reads the mesh, or the light field with all its views in memory. Raises `InputError`."""
         content = self.open(options, views="all")
         return content.load() if isinstance(content, ViewFiles) else content
 
     def open(self, options: Options, views: str, *, is_upscaled: bool = False) -> Content:
-        """The mesh, or the light field, of which `views` selects those that will be used. `is_upscaled`: whether they
-        are upscaled, for which the rounding of an array that is a JPEG is undone in part. Raises `InputError`.
+        """Opens the mesh, or the light field, from which `views` selects those that will be used.
+
+        `is_upscaled`: whether views are upscaled, in which case the rounding of an elemental image array that is a JPEG
+        is partly undone. Raises `InputError`.
         """
         is_raw = options.known_grid is not None
         if is_raw and not isinstance(self._source, Bundle):
-            raise InvalidOption(f"lens_pitch: this is for raw lenslet pictures, and {self.name} is none; leave it out")
+            raise InvalidOption(f"lens_pitch: this is for raw lenslet pictures, unlike {self.name}; leave it out")
         if isinstance(self._source, LightField):
             self._check_views(self._source, options)
             field = reorient(take_order(self._source, options.order), make_layout(options))
@@ -176,7 +178,7 @@ class Input:
         return content
 
     def _check_views(self, light_field: LightField | ViewFiles, options: Options) -> None:
-        """Raises `InvalidOption` for an option of meshes and elemental image arrays that does nothing with views."""
+        """Raises `InvalidOption` for an option for meshes and elemental image arrays that has no effect on views."""
         size = light_field.shape[2:4]
         if options.lenses not in (None, size):
             given = f"{options.lenses[0]}x{options.lenses[1]}"
@@ -184,7 +186,7 @@ class Input:
                 f"lenses: {given} doesn't fit {self.name}, whose views have {size[0]}x{size[1]} pixels; leave it out"
             )
         for option in ("pickup", "arrangement", "crop"):
-            if getattr(options, option) not in (getattr(Options, option), "virtual"):  # views are upright, too
+            if getattr(options, option) not in (getattr(Options, option), "virtual"):  # views are upright as well
                 raise InvalidOption(
                     f"{option}: this is for elemental image arrays and {self.name} holds views; leave it out"
                 )
@@ -193,17 +195,17 @@ class Input:
                 raise InvalidOption(f"{option}: this is for a lens array and {self.name} holds views; leave it out")
 
     def read_mesh(self, options: Options) -> Scene:
-        """The mesh; `InvalidOption` where the source holds pictures."""
+        """Reads the mesh. Raises `InvalidOption` if the source holds pictures."""
         content = self.read(options) if self.holds_mesh() else None
         if not isinstance(content, Scene):
             raise InvalidOption(
-                f"{self.name}: holds pictures; give a mesh, whose elemental image array is to be made (ciir convert "
-                "writes that of a light field)"
+                f"{self.name}: holds pictures; give a mesh (ciir convert writes the elemental image array of a light "
+                "field)"
             )
         return content
 
     def holds_mesh(self) -> bool:
-        """Whether this is a mesh; raises `InputError` where files are none that is read."""
+        """Checks whether this is a mesh. Raises `InputError` if the files are not of a type that is read."""
         if not isinstance(self._source, Bundle):
             return isinstance(self._source, str | Scene)
         from ciir.renderer.readers.inputs import find_main
@@ -212,7 +214,7 @@ class Input:
         return found is not None and isinstance(found[0], MeshFormat)
 
     def describe(self, content: Content) -> Report:
-        """The report's `input`; `kind` is a file type, `views` for a set of pictures, `scene`, or `array`."""
+        """Returns the report's `input`. `kind` is a file type, `views` for a set of pictures, `scene`, or `array`."""
         described: Report = {"name": self.name, "kind": self._kind()}
         if isinstance(self._source, Bundle):
             described |= {"bytes": sum(self._files.sizes.values()), "files": len(self._files.sizes)}
@@ -236,7 +238,7 @@ class Input:
 
 
 def make_layout(options: Options) -> Layout:
-    """How views lie in the input, as far as `options` say."""
+    """Returns how views lie in the input, as far as `options` say."""
     return Layout(
         lenses=options.lenses,
         pixels=options.pixels,
@@ -253,7 +255,10 @@ def make_layout(options: Options) -> Layout:
 
 
 def _make_pose(options: Options) -> MeshPose:
-    """What of a mesh is shown. Raises `InvalidOption` for several times, and for an animation without any."""
+    """Returns the pose to show a mesh in.
+
+    Raises `InvalidOption` for several times, and for an animation without a time.
+    """
     times = options.time or (None,)
     if len(times) > 1:
         raise InvalidOption(
@@ -262,19 +267,21 @@ def _make_pose(options: Options) -> MeshPose:
     if options.animation is not None and options.time is None:
         raise InvalidOption(f"animation: {options.animation!r} is shown at a time; give time, too, such as 0")
     if options.camera is not None and options.up != Options.up:
-        raise InvalidOption("up, camera: a camera has an up of its own; leave one of them out")
+        raise InvalidOption("up, camera: a camera has its own up direction; leave one of them out")
     if options.camera is not None and options.fit == "none":
         raise InvalidOption("fit, camera: what a camera sees is fitted into the centre view; leave one of them out")
     return MeshPose(times[0], options.camera, options.animation)
 
 
 def open_path(path: str | PathLike[str] | bytes | SupportsRead) -> Source:
-    """`open_source` of a path, or the content of a file, alone or a zip, as bytes or as a file object that is open for
-    reading bytes, whose `name` gives the suffix where it has one. Raises `InvalidOption` for anything else.
+    """Opens a path like `open_source`, or the content of one file or zip.
+
+    The content is given as bytes or as a file object opened for reading bytes, whose `name`, if it has one, gives the
+    suffix. Raises `InvalidOption` for anything else.
     """
     if isinstance(path, bytes | bytearray | memoryview):
         return Bundle.from_upload("bytes", bytes(path), read_limits())
-    if isinstance(path, SupportsRead) and not isinstance(path, os.PathLike):  # a path with a read() is a path
+    if isinstance(path, SupportsRead) and not isinstance(path, os.PathLike):  # a path that has read() is still a path
         limits = read_limits()
         given = getattr(path, "name", None)
         name = given if isinstance(given, str) else "file"
@@ -283,14 +290,17 @@ def open_path(path: str | PathLike[str] | bytes | SupportsRead) -> Source:
         text = os.fspath(path)
     except TypeError as error:
         raise InvalidOption(
-            f"a path, a file or bytes, not {type(path).__name__}, is needed; give a file's name "
+            f"a path, a file or bytes is needed, not {type(path).__name__}; give a file's name "
             "(ciir.LightField(array) takes views)"
         ) from error
     return open_source(os.fsdecode(text))
 
 
 def _read_all(file: SupportsRead, name: str, most: int) -> bytes:
-    """The rest of a file. Raises `InvalidOption` where it doesn't give bytes, `TooLarge` for more than `most`."""
+    """Reads the rest of a file.
+
+    Raises `InvalidOption` if it doesn't return bytes, and `TooLarge` for more than `most`.
+    """
     data = bytearray()
     while len(data) <= most:
         part = file.read(most + 1 - len(data))
@@ -303,7 +313,10 @@ def _read_all(file: SupportsRead, name: str, most: int) -> bytes:
 
 
 def as_light_field(picture: Pixels) -> LightField:
-    """One picture, `(H, W)` or `(H, W, C)`, as a light field of one view. Raises `InvalidOption` for anything else."""
+    """Makes a light field with one view from one picture, `(H, W)` or `(H, W, C)`.
+
+    Raises `InvalidOption` for others.
+    """
     if not isinstance(picture, np.ndarray):
         given = type(picture).__name__
     elif picture.dtype.newbyteorder("=") not in (np.uint8, np.uint16):

@@ -1,1 +1,1 @@
-"""The HTTP API: it takes requests in, hands them over as jobs and sends results; it decodes no input itself."""
+"""The HTTP API. It accepts requests, submits them as jobs and sends results; it decodes no input itself."""

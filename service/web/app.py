@@ -1,4 +1,4 @@
-"""The HTTP application. Worker processes do all decoding, rendering and upscaling: see `service.jobs.engine`."""
+"""The HTTP application. Worker processes do all decoding, rendering and upscaling (see `service.jobs.engine`)."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def create_app(settings: Settings, engine: Engine | None = None) -> FastAPI:
         version=version("ciir"),
         docs_url=None,
         redoc_url=None,
-        redirect_slashes=False,  # a redirect would name any host that the request does
+        redirect_slashes=False,  # a redirect would use any host that the request names
         lifespan=_lifespan,
         # Exports if OTEL_EXPORTER_OTLP_ENDPOINT is set.
         telemetry={"auto_configure": True, "exclude": lambda scope: scope.get("path") in UNLOGGED_PATHS},
@@ -100,7 +100,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
 
 
 class _Cors(CORSMiddleware):
-    """Starlette's CORS middleware, with problems in place of plain text."""
+    """Starlette's CORS middleware, with problems instead of plain text."""
 
     def preflight_response(self, request_headers: Headers) -> Response:
         response = super().preflight_response(request_headers)

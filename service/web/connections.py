@@ -1,4 +1,4 @@
-"""How many connections a server has open: within the limit on open files, and idle ones end for new ones."""
+"""Limits a server's open connections to the limit on open files, and closes idle ones for new ones."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from ciir.service.settings import Settings
 
 RESERVED_FILES = 128
-"""Open files besides those of connections: of the queue in each thread, of listeners, logs and libraries."""
+"""Open files other than those of connections: of the queue in each thread, of listeners, logs and libraries."""
 FILES_PER_WORKER = 4
 FILES_PER_CONNECTION = 2
-"""Its socket, and an upload or a result."""
+"""The socket, and an upload or a result."""
 LOG_SECONDS = 1.0
 _EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 _log = logging.getLogger("ciir")
@@ -30,7 +30,7 @@ def raise_file_limit() -> None:
 
 
 def find_most(settings: Settings) -> int:
-    """The most connections: `max_connections`, or as many as the limit on open files allows, which is logged."""
+    """Returns the most connections: `max_connections`, or fewer if the limit on open files is low, which is logged."""
     files = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
     others = RESERVED_FILES + FILES_PER_WORKER * settings.workers
     allowed = max(1, (files - others) // FILES_PER_CONNECTION) if files != resource.RLIM_INFINITY else 2**31
@@ -46,7 +46,7 @@ def find_most(settings: Settings) -> int:
 
 
 class AcceptErrors:
-    """An event loop's exception handler that logs at most once a second that no connection could be accepted."""
+    """An event loop's exception handler that logs, at most once a second, that no connection could be accepted."""
 
     def __init__(self) -> None:
         self._logged = float("-inf")

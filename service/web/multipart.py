@@ -1,6 +1,6 @@
-"""Parsing of multipart/form-data bodies (RFC 7578), with a remedy in each error message.
+"""Parses multipart/form-data bodies (RFC 7578), with a remedy in each error message.
 
-Starlette has no setting that refuses a body without its closing boundary, and would lose the last part silently.
+Starlette has no setting that refuses a body without its closing boundary, and would silently lose the last part.
 """
 
 from __future__ import annotations
@@ -41,9 +41,11 @@ _REMEDIES = {  # the beginning of a message -> its remedy
 
 
 async def read_form(request: Request) -> FormData:
-    """The parts of the body, up to `MAX_FILES` of them files; the caller closes the form. Large ones are on the disk.
+    """Reads the parts of the body, of which up to `MAX_FILES` are files.
 
-    Raises `HTTPException` 400 for a broken body or another charset than UTF-8, and `QueueUnavailable` if the disk is
+    The caller closes the form. Large parts are on disk.
+
+    Raises `HTTPException` 400 for a broken body or a charset other than UTF-8, and `QueueUnavailable` if the disk is
     full.
     """
     charset = parse_options_header(request.headers["content-type"])[1].get(b"charset", b"utf-8").decode("latin-1")
@@ -74,7 +76,7 @@ async def read_form(request: Request) -> FormData:
 
 
 class _Parser(MultiPartParser):
-    """Starlette's parser, which also notes whether the closing boundary has come."""
+    """Starlette's parser, which also notes whether the closing boundary has arrived."""
 
     is_complete = False
 

@@ -14,16 +14,16 @@ _WAIT = re.compile(r'wait\s*=\s*"?(\d{1,9})"?$')
 
 @dataclass(frozen=True)
 class Preference:
-    """The preferences that the API supports; all others are ignored, as the RFC demands."""
+    """The preferences that the API supports. All others are ignored, as the RFC demands."""
 
     is_async: bool = False
-    """`respond-async` was sent."""
+    """Whether `respond-async` was sent."""
     wait: int | None = None
-    """Seconds; None if `wait` was not sent or is no whole number."""
+    """Seconds; None if `wait` was not sent or is not a whole number."""
 
     @classmethod
     def parse(cls, headers: Iterable[str]) -> Preference:
-        """Parses all `Prefer` headers of a request; the first preference of a name counts."""
+        """Parses all `Prefer` headers of a request. The first preference of a name counts."""
         is_async, wait = False, None
         for preference in ",".join(headers).split(","):
             name = preference.partition(";")[0].strip().lower()
@@ -33,13 +33,13 @@ class Preference:
         return cls(is_async, wait)
 
     def wait_seconds(self, limit: float) -> float:
-        """How long to wait on a server that waits at most `limit` seconds."""
+        """Returns how long to wait on a server that waits at most `limit` seconds."""
         if self.wait is None:
             return 0.0 if self.is_async else limit
         return min(float(self.wait), limit)
 
     def format_applied(self, limit: float) -> str:
-        """The value of `Preference-Applied`: the preferences that were followed; empty if none."""
+        """Returns the value of `Preference-Applied`: the preferences that were followed; empty if none."""
         applied = ["respond-async"] if self.is_async else []
         if self.wait is not None and self.wait <= limit:
             applied.append(f"wait={self.wait}")

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS")
 MEDIA_TYPE = "application/problem+json"
-SERVER_ERROR = "an error of the server; its log has the details"
+SERVER_ERROR = "the server had an error; its log has the details"
 _DETAILS = {
-    404: "nothing is here; GET /docs lists the routes",
-    405: "this path does not support the method; the Allow header lists those that it does",
+    404: "there is nothing at this path; GET /docs lists the routes",
+    405: "this path does not support the method; the Allow header lists the supported ones",
 }
 RETRY_SECONDS = "1"
 """`Retry-After` of a 503."""
@@ -33,7 +33,7 @@ _log = logging.getLogger("ciir")
 
 
 def describe_problem(path: str, status: int, detail: str, title: str | None = None) -> dict[str, Any]:
-    """A problem (`routes.schemas`) at `path`; without a `title` it is HTTP's own, of the type about:blank."""
+    """Returns a problem (`routes.schemas`) at `path`. Without a `title` it is HTTP's own, of the type about:blank."""
     return {
         "type": "about:blank" if title is None else "urn:ciir:" + title.lower().replace(" ", "-"),
         "title": title or HTTPStatus(status).phrase,
@@ -46,13 +46,13 @@ def describe_problem(path: str, status: int, detail: str, title: str | None = No
 def respond_problem(
     path: str, status: int, detail: str, *, title: str | None = None, headers: Mapping[str, str] | None = None
 ) -> JSONResponse:
-    """A response with that problem; 503 gets a `Retry-After`."""
+    """Responds with that problem. A 503 gets a `Retry-After`."""
     again = {"Retry-After": RETRY_SECONDS} if status == 503 else {}
     return JSONResponse(describe_problem(path, status, detail, title), status, again | dict(headers or {}), MEDIA_TYPE)
 
 
 def respond_error(error: Error, path: str) -> JSONResponse:
-    """The response that reports `error`; the details of an error of the server go to its log only."""
+    """Responds with the problem for `error`. The details of an error of the server only go to its log."""
     row = find_response(error)
     detail = str(error)
     if row.status == 500:
@@ -63,19 +63,19 @@ def respond_error(error: Error, path: str) -> JSONResponse:
 
 
 def add_handlers(app: FastAPI) -> None:
-    """Makes `app` report errors as problems; `middleware.tracking` reports all other exceptions."""
+    """Makes `app` report errors as problems. `middleware.tracking` reports all other exceptions."""
     app.add_exception_handler(Error, _handle_error)
     app.add_exception_handler(HTTPException, _handle_http)
     app.add_exception_handler(ClientDisconnect, _handle_disconnect)
 
 
 async def _handle_error(request: Request, error: Exception) -> JSONResponse:
-    assert isinstance(error, Error)  # noqa: S101 - registered for no other class
+    assert isinstance(error, Error)  # noqa: S101 - only registered for this class
     return respond_error(error, request.url.path)
 
 
 async def _handle_http(request: Request, error: Exception) -> JSONResponse:
-    assert isinstance(error, HTTPException)  # noqa: S101 - registered for no other class
+    assert isinstance(error, HTTPException)  # noqa: S101 - only registered for this class
     detail = error.detail
     if detail == HTTPStatus(error.status_code).phrase:  # the framework's default, which only repeats the title
         detail = _DETAILS.get(error.status_code, detail)
@@ -84,7 +84,7 @@ async def _handle_http(request: Request, error: Exception) -> JSONResponse:
 
 
 def _list_methods(request: Request) -> dict[str, str]:
-    """`Allow` with the methods of all routes at the path; the framework lists those of one route only."""
+    """Returns `Allow` with the methods of all routes at the path. The framework lists only those of one route."""
     methods = [
         method
         for method in METHODS
@@ -94,5 +94,5 @@ def _list_methods(request: Request) -> dict[str, str]:
 
 
 async def _handle_disconnect(request: Request, error: Exception) -> JSONResponse:  # noqa: ARG001
-    """A response that no client receives; without it the log would have a traceback."""
+    """Returns a response that no client receives. Without it the log would have a traceback."""
     return respond_problem(request.url.path, 400, "the client disconnected before its request was complete")

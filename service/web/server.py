@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 BACKLOG = 2048
 """Connections that the system keeps until they are accepted."""
 ACCEPTED_AT_ONCE = 16
-"""Connections that are accepted before others that they replace are closed."""
+"""Connections that are accepted before the ones that they replace are closed."""
 KEEP_ALIVE_SECONDS = 30
 CLOSING_SECONDS = 5
 """Time for open responses after the drain."""
@@ -33,7 +33,7 @@ _log = logging.getLogger("ciir")
 
 
 class DrainingServer(uvicorn.Server):
-    """On the first signal the engine drains, while requests are answered and /readyz is 503; the exit status is 0.
+    """On the first signal the engine drains, while requests are answered and /readyz is 503. The exit status is then 0.
 
     A second signal kills the process.
     """
@@ -65,7 +65,7 @@ class DrainingServer(uvicorn.Server):
         await super().serve(sockets)
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Starts listening. To asyncio `backlog` is both numbers; only `ACCEPTED_AT_ONCE` should be small."""
+        """Starts listening. asyncio uses `backlog` for both numbers, but only `ACCEPTED_AT_ONCE` should be small."""
         await super().startup(sockets)
         for listener in sockets or ():
             listener.listen(BACKLOG)

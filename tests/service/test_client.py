@@ -117,7 +117,7 @@ def test_a_job_by_its_id(client, server, eia_file):
         assert (job.result().id, job.status()["state"]) == (id_, "done")
         with pytest.raises(NotFound):
             other.job(id_).status()  # it is no reconstruction
-        with pytest.raises(InvalidOption, match=r"^id: '\.\./models' is no job's; give the 32 digits"):
+        with pytest.raises(InvalidOption, match=r"^id: '\.\./models' is not a job's id; give the 32 digits"):
             other.job("../models")
 
 

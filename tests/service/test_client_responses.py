@@ -126,9 +126,9 @@ def test_events_of_another_server(lines):
 
 def test_options_of_other_operations_are_refused_before_anything_is_sent():
     client, requests = make_client()
-    with pytest.raises(errors.InvalidOption, match="'foo': no such option; known are ") as caught:
+    with pytest.raises(errors.InvalidOption, match="'foo': no such option; the options are ") as caught:
         client.upscale("a.png", foo=1)
-    assert str(caught.value).endswith("known are model, scale, skip")
+    assert str(caught.value).endswith("the options are model, scale, skip")
     with pytest.raises(errors.InvalidOption, match="'calibration', 'stack': no such option"):
         client.reconstruct("a.png", stack="-1:0:9", calibration="missing.json")
     assert requests == []

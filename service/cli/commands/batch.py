@@ -26,14 +26,14 @@ if TYPE_CHECKING:
     from ciir.service.batch.task import Outcome, Task
 
 SOME_FAILED = 3
-"""Exit status where some inputs failed."""
+"""Exit status if some inputs failed."""
 LINE_SECONDS = 30.0
-"""How often progress is a line where it is no bar."""
+"""Interval between progress lines, which are printed if there is no bar."""
 _UNITS = {"": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9, "KIB": 2**10, "MIB": 2**20, "GIB": 2**30}
 
 
 def run(args: argparse.Namespace) -> None:
-    """Writes the outputs and the summary, and prints a line about them. Exits with `SOME_FAILED` where some failed."""
+    """Writes the outputs and the summary, and prints a line about them. Exits with `SOME_FAILED` if some failed."""
     options = common.parse_options(args)
     is_file = output_path.names_file(args.name, list(BY_SUFFIX), what="views")
     workers = None if args.workers is None else common.read_count("--workers", args.workers, 1, 1024, example=4)
@@ -83,7 +83,7 @@ def _print_summary(out: str, summary: Summary) -> None:
 
 @contextmanager
 def _finishing(summary: Summary, outputs: Outputs) -> Iterator[None]:
-    """Writes the summary at the end of the block, also where it is interrupted."""
+    """Writes the summary at the end of the block, even if the block is interrupted."""
     try:
         yield
     finally:
@@ -92,7 +92,10 @@ def _finishing(summary: Summary, outputs: Outputs) -> Iterator[None]:
 
 @contextmanager
 def _showing(total: int) -> Iterator[Report]:
-    """Shows progress, with throughput and time left: a bar on a terminal, else a line now and then; errors at once."""
+    """Shows progress with throughput and time left: a bar on a terminal, otherwise a line now and then.
+
+    Errors are shown at once.
+    """
     from tqdm import tqdm
 
     shown = time.monotonic()
@@ -117,9 +120,10 @@ def _showing(total: int) -> Iterator[Report]:
 
 
 def _resolve_outputs(text: str, inputs: list[str], sources: list[str]) -> str:
-    """The folder of the outputs. Raises `InvalidOption` where an input is in it, through links too, or it in an input.
+    """Returns the folder for the outputs.
 
-    `inputs`: as given; `sources`: what was found in them.
+    Raises `InvalidOption` if an input lies in it, also through links, or if it lies in an input. `inputs`: as given;
+    `sources`: what was found in them.
     """
     from ciir.service.batch.places import locate, resolve
 
@@ -132,7 +136,7 @@ def _resolve_outputs(text: str, inputs: list[str], sources: list[str]) -> str:
     for source, path in (*given, *found):
         if folder.is_relative_to(path):
             raise InvalidOption(
-                f"{text}: in the input {source}, as a part of which it would be read; give another folder"
+                f"{text}: this lies in the input {source} and would be read as a part of it; give another folder"
             )
     for source, path in found:
         if path.is_relative_to(folder):
@@ -145,5 +149,5 @@ def _read_size(text: str | None) -> int | None:
         return None
     found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([A-Z]*)", text.strip().upper())
     if found is None or found[2] not in _UNITS or float(found[1]) * _UNITS[found[2]] < 2**28:
-        raise InvalidOption(f"--worker-memory: {text[:40]!r} is no size of 256MiB or more; give one such as 2GiB")
+        raise InvalidOption(f"--worker-memory: {text[:40]!r} is not a size of 256MiB or more; give one such as 2GiB")
     return int(float(found[1]) * _UNITS[found[2]])

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.source import Source
 
 OVER = 1
-"""Exit status where a case of the harm table is over its bound."""
+"""Exit status if a case of the harm table exceeds its bound."""
 
 
 def run(args: argparse.Namespace) -> None:
-    """Measures, writes the results, and prints where they are. Exits with `OVER` where the default does harm."""
+    """Measures, writes the results, and prints where they are. Exits with `OVER` if the default does harm."""
     to = output_path.resolve_folder(args.out, what="the results")
     if to.is_file():
         raise InvalidOption(f"-o: {to} is a file; name a folder for the results")
@@ -71,7 +71,10 @@ def _run_harm(options: HarmOptions, to: Path) -> None:
 
 
 def _parse_harm(args: argparse.Namespace) -> HarmOptions:
-    """Of `--lenses`, whole numbers are for meshes, and rows x columns for elemental image arrays."""
+    """Parses the options of the harm table.
+
+    In `--lenses`, whole numbers are for meshes, and rows x columns for elemental image arrays.
+    """
     from ciir.benchmarks.harm.case import LIGHT_FIELD, MESH
     from ciir.benchmarks.harm.run import HarmOptions
 
@@ -80,12 +83,12 @@ def _parse_harm(args: argparse.Namespace) -> HarmOptions:
     options = HarmOptions(sources=_open_sources(args.inputs), quick=args.quick)
     pairs = [text for text in args.lenses if "x" in text.lower()]
     if len(pairs) > 1:
-        raise InvalidOption(f"--lenses: {pairs[0]} and {pairs[1]} are both of an elemental image array; give one")
+        raise InvalidOption(f"--lenses: {pairs[0]} and {pairs[1]} are both for elemental image arrays; give one")
     array = common.parse_options(args)
     if pairs:
         array = replace(array, lenses=read_pair("--lenses", pairs[0]))
     if counts := [text for text in args.lenses if text not in pairs]:
-        options = replace(options, lenses=_counts("--lenses", counts, least=8))  # SSIM needs 11 pixels of the truth
+        options = replace(options, lenses=_counts("--lenses", counts, least=8))  # SSIM needs 11 pixels of truth
     if args.only is not None:
         options = replace(options, kinds=(MESH if args.only == "meshes" else LIGHT_FIELD,))
     return replace(options, array=array, model=args.model or options.model)

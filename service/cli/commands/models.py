@@ -16,7 +16,7 @@ HEAD = ("name", "scales", "takes", "computes in", "parameters", "PSNR, dB on Y",
 
 
 def run(args: argparse.Namespace) -> None:
-    """Lists the models, a line each, or as JSON."""
+    """Lists the models, one on each line, or as JSON."""
     models = listing.list_models()
     if args.json:
         common.print_line(json.dumps(models, indent=2, ensure_ascii=False))
@@ -25,10 +25,10 @@ def run(args: argparse.Namespace) -> None:
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]) - 1)]
     for row in rows:
         common.print_line("  ".join([cell.ljust(width) for cell, width in zip(row, widths, strict=False)] + [row[-1]]))
-    common.print_line(f"model auto, what `ciir reconstruct` does where none is named: {AUTO_MODEL}")
+    common.print_line(f"model auto, which `ciir reconstruct` uses unless another is named: {AUTO_MODEL}")
     for model in models:
         if reason := model["unsupported_reason"]:
-            common.print_line(f"{model['name']} is not for this machine: {reason}; {_remedy(model['card'])}")
+            common.print_line(f"{model['name']} does not run on this machine: {reason}; {_remedy(model['card'])}")
 
 
 def _row(model: dict[str, Any]) -> tuple[str, ...]:

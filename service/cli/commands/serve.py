@@ -31,14 +31,15 @@ def run(args: argparse.Namespace) -> None:
     from ciir.service.web.server import DrainingServer
 
     found = common.start_service()
-    catalogue.list_entries()  # a folder of CIIR_MODELS that can't be used ends the command
+    catalogue.list_entries()  # stops the command early if a folder in CIIR_MODELS can't be used
     connections.raise_file_limit()
     with _listening(args.host, int(args.port)) as listener:
-        # Connections inherit it. Without it a body waits 40 ms for its header; asyncio sets it on its own sockets only.
+        # Connections inherit this option. Without it the body waits 40 ms for its header; asyncio sets it only on its
+        # own sockets.
         listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         host, port = listener.getsockname()[:2]
         if is_open(host, len(found.api_keys)):
-            _log.warning("%s is no loopback address and CIIR_API_KEYS is not set: everybody can use the API", host)
+            _log.warning("%s is not a loopback address and CIIR_API_KEYS is not set: everybody can use the API", host)
         if is_loopback(host) and not found.hosts:
             found = found.model_copy(update={"hosts": ("localhost",)})
         app = create_app(found)
@@ -50,7 +51,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def is_open(host: str, keys: int) -> bool:
-    """Whether other machines can use the service at an IP address without one of so many keys."""
+    """Checks whether other machines can use the service at an IP address without one of this many keys."""
     from ciir.service.web.middleware.site import is_loopback
 
     return not keys and not is_loopback(host)

@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     import argparse
 
 BROKEN = 1
-"""Exit status where a bound does not hold."""
+"""Exit status if a bound does not hold."""
 
 
 def run(args: argparse.Namespace) -> None:
-    """Measures and prints; writes the JSON file where one is named. Exits with `BROKEN` where a bound does not hold."""
+    """Measures and prints, and writes the JSON file if one is named. Exits with `BROKEN` if a bound does not hold."""
     if args.json is not None:
         if not args.json:
             raise InvalidOption("--json: '' is no name; name a file for the results")
-        place_for_file(Path(args.json))  # before minutes of work
+        place_for_file(Path(args.json))  # checked before minutes of work
     from ciir.benchmarks.stress import run as stress
     from ciir.benchmarks.stress.case import Effort
 

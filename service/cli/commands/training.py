@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.options import Options
 
 VIEWS, DEGRADATION = "5x5", "bicubic"
-"""BasicLFSR's protocol: a light field's evaluation by default."""
+"""The defaults for evaluating a light field, from BasicLFSR's protocol."""
 OVERRIDES = ("name", "train", "validate", "initial", "vgg", "steps", "device")
-"""Fields of a recipe that may be given as options too."""
+"""Fields of a recipe that can also be given as options."""
 
 
 def run(args: argparse.Namespace) -> None:
@@ -48,7 +48,7 @@ def _evaluate(args: argparse.Namespace) -> None:
         ("pixels", options.pixels),
     ):
         if given is not None:
-            raise InvalidOption(f"--{name}: this is for --light-field with the views of one; leave it out")
+            raise InvalidOption(f"--{name}: this goes with --light-field; leave it out")
     if len(names) < 2:
         raise InvalidOption(
             "evaluate: give a MODEL and FOLDERs of pictures, or --light-field INPUT; see ciir evaluate --help"
@@ -56,7 +56,7 @@ def _evaluate(args: argparse.Namespace) -> None:
     for name in names[1:]:
         if Path(name).is_file():
             raise InvalidOption(
-                f"{name}: a file, where a folder of pictures is needed; for a light field give --light-field {name}"
+                f"{name}: a file, but a folder of pictures is needed; for a light field give --light-field {name}"
             )
     from ciir.training.evaluation.pictures import describe_protocol, evaluate
 
@@ -75,14 +75,14 @@ def _evaluate_views(args: argparse.Namespace, options: Options) -> None:
     for name in names:
         if name not in list_names() and Path(name).is_dir():
             raise InvalidOption(
-                f"evaluate: the folder {name!r} is given beside --light-field {args.light_field}; give one of them"
+                f"evaluate: both the folder {name!r} and --light-field {args.light_field} are given; give one of them"
             )
     if args.jpeg is not None and not 1 <= args.jpeg <= 100:
         raise InvalidOption(f"--jpeg: {args.jpeg} is out of range; give 1 to 100")
     grid, degradation = read_pair("grid", args.grid or VIEWS), args.degradation or DEGRADATION
     from ciir.training.evaluation.light_fields import describe_protocol, load_network, measure
 
-    networks = [load_network(name, options.scale) for name in names]  # a misspelt name is found before the work
+    networks = [load_network(name, options.scale) for name in names]  # finds a misspelt name before the work starts
     entries: list[dict[str, Any]] = []
     for name, network in zip(names, networks, strict=True):
         try:
@@ -102,7 +102,7 @@ def _evaluate_views(args: argparse.Namespace, options: Options) -> None:
 
 
 def _show_score(model: str, score: Accuracy, counted: str, degradation: str | None) -> dict[str, Any]:
-    """Prints the line of a score, and returns it for JSON."""
+    """Prints the line for a score, and returns the score for JSON."""
     common.print_line(
         f"{model} on {score.data}: PSNR {score.psnr:.2f} dB, SSIM {score.ssim:.4f} on Y over {score.pictures} {counted}"
     )
@@ -117,7 +117,7 @@ def _show_score(model: str, score: Accuracy, counted: str, degradation: str | No
 
 
 def _finite(psnr: float) -> float | None:
-    """`psnr`, or None for infinity, which JSON doesn't have."""
+    """Returns `psnr`, or None for infinity, which JSON can't represent."""
     return psnr if math.isfinite(psnr) else None
 
 
@@ -141,11 +141,11 @@ def _train(args: argparse.Namespace) -> None:
 
     try:
         checkpoint = train(read, to)
-    except (ValueError, FloatingPointError) as error:  # folders and checkpoints, which only the loop looks into
+    except (ValueError, FloatingPointError) as error:  # from folders and checkpoints, which only the loop reads
         raise InvalidOption(str(error)) from error
     except Stopped as stop:
         print(f"ciir: {join_lines(str(stop))}", file=sys.stderr)
-        raise SystemExit(128 + stop.number) from None  # as a shell has it for a signal
+        raise SystemExit(128 + stop.number) from None  # as shells report a signal
     common.print_line(f"{checkpoint}: done; next: ciir export {checkpoint} -o DIR")
 
 
@@ -182,16 +182,17 @@ def _export(args: argparse.Namespace) -> None:
 def _check_export(args: argparse.Namespace) -> None:
     if (args.weights is None) == (args.checkpoint is None):
         raise InvalidOption(
-            "export: give a CHECKPOINT of `ciir train`, an ONNX file, or --weights with a file of others; one of them"
+            "export: give a CHECKPOINT of `ciir train`, an ONNX file, or --weights with a file from elsewhere; "
+            "one of them"
         )
     if args.int8 and (args.weights or args.checkpoint.lower().endswith(".onnx")):
         raise InvalidOption("--int8: only a CHECKPOINT of `ciir train` has an int8 twin; leave it out")
     if args.int8 != bool(args.calibrate):
-        raise InvalidOption("--int8 needs --calibrate with a folder of pictures, and the other way round")
+        raise InvalidOption("--int8 needs --calibrate with a folder of pictures, and vice versa; give both or neither")
 
 
 def _folders(
-    names: list[str], *, what: str = "*_LR.png and *_HR.png pairs, or for a network of light fields one of views"
+    names: list[str], *, what: str = "*_LR.png and *_HR.png pairs, or of views for a light-field network"
 ) -> list[Path]:
     folders = [Path(name) for name in names]
     for folder in folders:

@@ -1,4 +1,4 @@
-"""`ciir worker`: runs jobs that a web process takes in."""
+"""`ciir worker`: runs jobs that a web process accepts."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from ciir.service.metrics import Metrics
 
 LOOK_SECONDS = 0.5
-"""How often the main thread wakes: Python runs signal handlers only there, between two instructions."""
+"""Interval at which the main thread wakes up. Python runs signal handlers only there, between two instructions."""
 _log = logging.getLogger("ciir")
 
 
-def run(args: argparse.Namespace) -> None:  # noqa: ARG001 - a command's signature
-    """Runs jobs until SIGTERM or Ctrl-C; then the running jobs finish, or go back to the queue."""
+def run(args: argparse.Namespace) -> None:  # noqa: ARG001 - all commands share this signature
+    """Runs jobs until SIGTERM or Ctrl-C. Running jobs then finish or go back to the queue."""
     from ciir.models import catalogue
     from ciir.service.jobs.engine import Engine
     from ciir.service.metrics import Metrics
@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> None:  # noqa: ARG001 - a command's signatu
     found = common.start_service()
     if not found.workers:
         raise InvalidOption("CIIR_WORKERS: 0 leaves a worker without processes; set 1 or more, or unset it")
-    catalogue.list_entries()  # a folder of CIIR_MODELS that can't be used ends the command
+    catalogue.list_entries()  # stops the command early if a folder in CIIR_MODELS can't be used
     stop = threading.Event()
 
     def end(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - the signature is Python's
@@ -51,12 +51,12 @@ def run(args: argparse.Namespace) -> None:  # noqa: ARG001 - a command's signatu
         _log.info("%d worker processes take jobs", found.workers)
         while not stop.wait(LOOK_SECONDS):
             pass
-        _log.info("stopping: what runs has %g s to finish", found.drain_seconds)
+        _log.info("stopping: running jobs have %g s to finish", found.drain_seconds)
 
 
 @contextmanager
 def _showing(metrics: Metrics, port: int) -> Iterator[None]:
-    """Metrics at /metrics of that port, on all addresses. Raises `InvalidOption` where it is taken."""
+    """Serves the metrics at /metrics of that port, on all addresses. Raises `InvalidOption` if the port is taken."""
     from prometheus_client import start_http_server
 
     try:

@@ -1,1 +1,1 @@
-"""Consumers of the queue and the worker processes that reconstruct."""
+"""Consumers of the queue, and the worker processes that reconstruct."""

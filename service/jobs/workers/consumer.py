@@ -30,7 +30,7 @@ CHECK_SECONDS = 0.25
 """Time between two progress events of a job, and the longest time until its work stops after it was cancelled."""
 SWEEP_SECONDS = 30.0
 PROGRESS_EVENTS = 240
-"""Progress events of a job's first minute, four a second. Later there is one for each 240th part of its age, so that
+"""Progress events in a job's first minute, four a second. Later there is one for each 240th part of its age, so that
 the record of a job that takes hours stays small."""
 _log = logging.getLogger("ciir.jobs")
 
@@ -47,7 +47,7 @@ class Consumer:
         self._lock = threading.Lock()
         self._leases = 0
         self._runs: dict[str, _Run] = {}
-        """By lease."""
+        """Runs by lease."""
         self._threads = [
             threading.Thread(target=self._run_jobs, args=(index, threads), name=f"consumer-{index}", daemon=True)
             for index in range(threads)
@@ -61,7 +61,7 @@ class Consumer:
             thread.start()
 
     def count_others(self) -> int:
-        """How many other consumers take jobs from the same folder."""
+        """Counts the other consumers that take jobs from the same folder."""
         return self._lock_file.count_others()
 
     def stop(self, seconds: float) -> None:
@@ -100,7 +100,7 @@ class Consumer:
                     self._run_job(run)
             except QueueUnavailable:  # logged where it was raised
                 self._stopping.wait(RETRY_SECONDS)
-            except Exception:  # noqa: BLE001 - the thread must go on; `Recovery` has the job run again
+            except Exception:  # noqa: BLE001 - the thread must go on; `Recovery` runs the job again
                 _log.exception("internal error before or after the run of a job")
                 self._stopping.wait(RETRY_SECONDS)
 
@@ -160,12 +160,12 @@ class Consumer:
             return INTERNAL_ERROR
 
     def _store_outcome(self, run: _Run, outcome: Result | Problem | Cancelled | WorkerDied) -> bool:
-        """False if the queue can't be reached."""
+        """Stores the outcome of a run. Returns False if the queue can't be reached."""
         job = run.job
         try:
             if isinstance(outcome, Result | Problem):
                 if not self._jobs.lifecycle.finish(job, outcome):
-                    _log.info("job %s: was cancelled, or taken over by another consumer", job.id)
+                    _log.info("job %s: it was cancelled, or taken over by another consumer", job.id)
             elif isinstance(outcome, WorkerDied):
                 self._jobs.lifecycle.retry_after_worker_death(job, timed_out=isinstance(outcome, TimedOut))
             else:  # changes nothing if the job was cancelled
@@ -259,7 +259,7 @@ class _Run:
         elif isinstance(outcome, WorkerDied):
             level, text = logging.WARNING, f"the worker process {outcome}"
         elif self.is_moved:
-            text = "moved to the large lane, as small jobs wait"
+            text = "moved to the large lane, because small jobs are waiting"
         else:
             text = "stopped: it was cancelled, or the server stops"
         fields = self._fields | {"seconds": seconds, "status": status}
@@ -267,11 +267,11 @@ class _Run:
         _log.log(level, "job %s: %s, after %g s %s", self.job.id, kind, seconds, text, extra={FIELDS: fields})
 
     def is_overstaying(self) -> bool:
-        """Whether it has kept the thread for small jobs over `SMALL_SECONDS`."""
+        """Checks whether it has occupied the thread for small jobs for over `SMALL_SECONDS`."""
         return self._holds_small and self._begun is not None and time.monotonic() - self._begun > SMALL_SECONDS
 
     def update_progress(self, jobs: Jobs, data: dict[str, Any]) -> None:
-        """Stores the first progress; keeps later ones for `store_progress`. The pool calls it."""
+        """Stores the first progress, and keeps later progress for `store_progress`. The pool calls it."""
         self._newest = data
         if self._stored is None:
             self.store_progress(jobs)

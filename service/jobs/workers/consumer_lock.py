@@ -1,4 +1,4 @@
-"""A locked file for each consumer, which shows the others on the same machine whether its process is alive."""
+"""A locked file for each consumer, which shows other consumers on the same machine whether its process is alive."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ FOLDER = "consumers"
 
 
 class ConsumerLock:
-    """A new name and a file of that name, locked until the process ends: the system releases the lock, even after a
-    kill. Raises `OSError` if the file can't be created.
+    """A new name, and a file with that name that is locked until the process ends.
+
+    The system releases the lock even after a kill. Raises `OSError` if the file can't be created.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -26,7 +27,7 @@ class ConsumerLock:
         fcntl.flock(self._file, fcntl.LOCK_EX)
 
     def is_dead(self, name: str) -> bool:
-        """Whether that consumer's process has certainly ended. False if it lives, or is on another machine."""
+        """Checks whether that consumer's process has certainly ended. False if it is alive, or on another machine."""
         try:
             file = os.open(self._folder / name, os.O_RDWR | os.O_CLOEXEC)
         except FileNotFoundError:
@@ -40,11 +41,11 @@ class ConsumerLock:
         return True
 
     def list_names(self) -> list[str]:
-        """All consumers of this machine, dead or alive, whose file exists."""
+        """Lists all consumers on this machine, dead or alive, whose file exists."""
         return [path.name for path in self._folder.iterdir()]
 
     def count_others(self) -> int:
-        """How many other consumers of this machine live."""
+        """Counts the other live consumers on this machine."""
         return sum(name != self.name and not self.is_dead(name) for name in self.list_names())
 
     def remove(self, name: str) -> None:

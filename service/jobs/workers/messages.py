@@ -1,4 +1,4 @@
-"""The messages of worker processes, checked: a worker process may do what the sender of its input wants."""
+"""The messages of worker processes, with checks: whoever sent its input may control a worker process."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from ciir.service.pipeline.options import FILE_TYPES
 from ciir.service.pipeline.report import STAGES, Stage
 
 LIMIT = 1 << 20
-"""Bytes of a message. A report has some thousand."""
+"""Most bytes of a message. A report has a few thousand."""
 
 _MOST = 10**12
-"""Of each number that the parent relies on."""
+"""The largest value of each number that the parent relies on."""
 _DIGITS = 19
-"""Of any integer."""
+"""Most digits of any integer."""
 _MOST_TEXT = 4000
-"""Characters of a problem's text; longer ones are cut."""
+"""Most characters of a problem's text; longer ones are cut."""
 _COUNTED = {"pixels", "uniform", "repeated"}
-"""What `Metrics.count_result` adds up: all of them, or none."""
+"""What `Metrics.count_result` adds up: all of them are present, or none."""
 
 
 def _check_outcome(outcome: Result | Problem) -> Result | Problem:
-    """What else the parent relies on: metrics and headers are made of the report's numbers."""
+    """Checks what else the parent relies on: metrics and headers use the report's numbers."""
     if isinstance(outcome, Problem):
         if not 400 <= outcome.status <= 599:
             raise ValueError("no status of an error")
@@ -44,7 +44,7 @@ def _check_outcome(outcome: Result | Problem) -> Result | Problem:
 
 
 def _is_skipped(skipped: Any) -> bool:
-    """Whether these can be shares of skipped pixels, or null; `saved_ms` is null where all were skipped."""
+    """Checks whether these can be shares of skipped pixels, or null. `saved_ms` is null if all pixels were skipped."""
     if not isinstance(skipped, dict):
         return skipped is None
     if not skipped.keys() <= {*_COUNTED, "culled", "saved_ms"} or len(_COUNTED & skipped.keys()) not in (0, 3):
@@ -116,7 +116,7 @@ def parse_message(line: bytes) -> Message:
     """Checks and parses a line. Raises `ValueError` for anything that is not a message."""
     try:
         content = json.loads(line, parse_int=_parse_integer)
-        # Infinity, NaN and half a surrogate pair are JSON for Python, but can't be stored or sent.
+        # Python's JSON accepts Infinity, NaN and half a surrogate pair, but they can't be stored or sent.
         json.dumps(content, allow_nan=False, ensure_ascii=False).encode()
     except RecursionError as error:
         raise ValueError("too deep") from error
@@ -124,10 +124,10 @@ def parse_message(line: bytes) -> Message:
 
 
 def quote(text: str, limit: int = 10_000) -> str:
-    """Text of a worker process for the log: at most `limit` characters, each line marked, so that none seems ours."""
+    """Quotes a worker process's text for the log: at most `limit` characters, with each line marked as not our own."""
     return "\n".join(f"| {make_printable(line)}" for line in text[:limit].splitlines())
 
 
 def make_printable(line: str) -> str:
-    """`line` without the characters that would end it, or control a terminal."""
+    """Replaces the characters in `line` that would end it or control a terminal."""
     return "".join(character if character.isprintable() else "?" for character in line)

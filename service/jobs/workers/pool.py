@@ -1,4 +1,4 @@
-"""Worker processes: each runs one task at a time, within limits, and is replaced when it fails and after many tasks."""
+"""Worker processes. Each runs one task at a time, within limits, and is replaced if it fails and after many tasks."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ if TYPE_CHECKING:
 TICK_SECONDS = 0.05
 """How often tasks and workers are polled."""
 START_SECONDS = 60.0
-"""A worker that is not ready so long after its start is ended, and another one is started."""
+"""A worker that is not ready this long after its start is ended, and another one is started."""
 WORKING_SHARE = 0.5
 """A task that had less processor time than this share of `job_seconds` did not time out: the machine was overloaded."""
 _ATTEMPTS = 3
-"""Workers that are tried for one task."""
+"""How many workers are tried for one task."""
 _MAX_PAUSE = 30.0
 """Longest pause between two attempts to start a worker, in seconds."""
 _NO_MEMORY = Problem(503, "No room", "the server's memory is full; try again when its other processes need less")
@@ -57,11 +57,11 @@ class _NotReceivedError(Exception):
 
 
 class _MemoryTakenError(Exception):
-    """The worker lacked memory, of which its earlier tasks may have taken some."""
+    """The worker lacked memory, some of which its earlier tasks may have taken."""
 
 
 class Pool:
-    """`settings.workers` processes, each replaced when it ends. Methods may be called from any thread."""
+    """`settings.workers` processes, each replaced when it ends. Methods can be called from any thread."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
@@ -72,12 +72,12 @@ class Pool:
         self._keepers: list[threading.Thread] = []
         self._lock, self._closed = threading.Lock(), threading.Event()
         self.start_error = ""
-        """That the last attempt to start a worker failed, in one line without paths; empty after one that succeeded."""
+        """Says that the last attempt to start a worker failed, in one line without paths; empty if it succeeded."""
         self._start_cause = ""
-        """Why the last one that failed did."""
+        """The cause of the last failed attempt."""
 
     def start(self) -> None:
-        """Starts the workers in the background, unless that has been done."""
+        """Starts the workers in the background, unless they have been started."""
         with self._lock:
             if not self._keepers and not self._closed.is_set():
                 for restriction in landlock.find_exposed(_list_private(self._settings)):
@@ -90,23 +90,23 @@ class Pool:
                     keeper.start()
 
     def is_ready(self) -> bool:
-        """Whether a worker has loaded the models and is alive; starts the workers if needed."""
+        """Checks whether a worker has loaded the models and is alive. Starts the workers if needed."""
         self.start()
         return self.count_ready() > 0
 
     def count_ready(self) -> int:
-        """How many workers have loaded the models and are alive, idle or not."""
+        """Counts the workers that have loaded the models and are alive, idle or not."""
         return sum(worker.is_alive() for worker in self._ready.copy())
 
     def run(self, task: Task, hooks: Hooks) -> Outcome:
-        """Waits for a worker, has it run `task`, and returns the outcome; starts the workers if needed.
+        """Waits for a worker, runs `task` in it, and returns the outcome. Starts the workers if needed.
 
-        A task over `job_seconds` that has timed out before gives a `Problem`; an unexpected exception gives
-        `INTERNAL_ERROR` and is logged.
+        The outcome is a `Problem` for a task over `job_seconds` that has timed out before, and `INTERNAL_ERROR`, which
+        is logged, for an unexpected exception.
 
         Raises `TimedOut` for the first time-out; `WorkerDied`, also for a task over `job_seconds` with less processor
-        time than `WORKING_SHARE` of that; `Cancelled` when `hooks.cancelled` is set or the pool is closed; `OSError`
-        for the task's files.
+        time than `WORKING_SHARE` of that; `Cancelled` when `hooks.cancelled` is set or the pool is closed; and
+        `OSError` for the task's files.
         """
         self.start()
         needs_new = False
@@ -131,13 +131,16 @@ class Pool:
         raise WorkerDied(f"{_ATTEMPTS} worker processes in a row did not run the task")
 
     def close(self) -> None:
-        """Ends all workers; `run` raises `Cancelled` from now on."""
+        """Ends all workers. From now on `run` raises `Cancelled`."""
         self._closed.set()
         for keeper in self._keepers:
             keeper.join()
 
     def _take_worker(self, cancelled: threading.Event, *, is_new: bool) -> Worker:
-        """Waits for an idle worker. `is_new`: for one that has run no task; others are ended, for new ones to start."""
+        """Waits for an idle worker.
+
+        `is_new`: accepts only a worker that has run no task, and ends others to start new ones.
+        """
         while not (cancelled.is_set() or self._closed.is_set()):
             with suppress(queue.Empty):
                 worker = self._idle.get(timeout=TICK_SECONDS)
@@ -155,7 +158,10 @@ class Pool:
             self._idle.put(worker)
 
     def _run_in(self, worker: Worker, run: _Run) -> Outcome:
-        """As `run`, in a given worker. Raises `_NotReceivedError` or `_MemoryTakenError`: another one must run it."""
+        """Runs a task like `run`, in a given worker.
+
+        Raises `_NotReceivedError` or `_MemoryTakenError` if another must run it.
+        """
         deadline = time.monotonic() + self._seconds
         worked_before = worker.read_cpu_seconds()
         is_received = False
@@ -194,7 +200,7 @@ class Pool:
         return run.hooks.cancelled.is_set() or self._closed.is_set()
 
     def _get_outcome(self, worker: Worker, last: Message | None, run: _Run) -> Outcome:
-        """The outcome by the last message. Raises `WorkerDied` for one that has no meaning there."""
+        """Returns the outcome for the last message. Raises `WorkerDied` for an unexpected message."""
         if isinstance(last, Failed):
             text = "job %s: internal error in worker process %d\n%s"
             _log.error(text, run.task.id, worker.pid, quote(last.traceback))
@@ -211,7 +217,7 @@ class Pool:
                 return last.outcome
             if wanted in (None, last.outcome.format):
                 return replace(last.outcome, size=_copy(run.target, run.task.target))
-        raise WorkerDied("sent a message that has no meaning there")
+        raise WorkerDied("sent an unexpected message")
 
     def _keep_worker(self) -> None:
         """Starts a worker, and another one whenever it ends, until the pool is closed."""
@@ -236,7 +242,7 @@ class Pool:
                     worker.end()
 
     def _log_start_error(self, worker: Worker | None, error: Exception, pause: float) -> None:
-        """Logs why no worker was started; the worker's output, or the traceback, unless the last cause was the same."""
+        """Logs why no worker was started, with its output or the traceback unless the last cause was the same."""
         line = ""
         if worker is not None:
             worker.end()
@@ -252,7 +258,7 @@ class Pool:
         self.start_error = f"a worker process can't be started ({type(error).__name__}); the log says why"
 
     def _wait_until_ready(self, worker: Worker) -> None:
-        """Waits until a worker has loaded the models and adds it to the idle ones. Raises `WorkerExitedError`."""
+        """Waits until a worker has loaded the models, and adds it to the idle ones. Raises `WorkerExitedError`."""
         deadline = time.monotonic() + START_SECONDS
         while not self._closed.is_set():
             message = worker.receive(TICK_SECONDS)
@@ -270,7 +276,7 @@ class Pool:
 
 
 def _list_private(settings: Settings) -> dict[str, Path]:
-    """Folders of jobs and files of secrets, by the names of the settings."""
+    """Returns the folders of jobs and files of secrets, by the names of their settings."""
     named = {
         "CIIR_FOLDER": settings.find_folder(),
         "CIIR_FILES": None if "://" in settings.files else settings.files,
@@ -282,7 +288,7 @@ def _list_private(settings: Settings) -> dict[str, Path]:
 
 
 def _copy(file: IO[bytes], target: Path) -> int:
-    """Copies all of `file` and returns its size. The worker may have kept `file` open, but it can't change the copy."""
+    """Copies all of `file`, and returns its size. Even if the worker has kept `file` open, it can't change the copy."""
     file.seek(0)
     with target.open("wb") as out:
         shutil.copyfileobj(file, out, 1 << 20)

@@ -1,7 +1,7 @@
 """The main program of a worker process: enters the sandbox, loads the models, then runs one task after another.
 
-`service.jobs.workers.worker` starts it. Standard input is a socket to the parent: JSON lines both ways, and with each
-task the open files of its input and its result. Standard output and error go to the parent's log.
+`service.jobs.workers.worker` starts it. Standard input is a socket to the parent, with JSON lines in both directions;
+each task comes with the open files of its input and its result. Standard output and error go to the parent's log.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ class Channel:
         self._socket.sendall(json.dumps({"kind": kind, **fields}, allow_nan=False).encode() + b"\n")
 
     def receive(self) -> Iterator[tuple[Any, list[int]]]:
-        """Messages and the open files that came with each, until the parent closes the socket."""
+        """Yields messages and the open files that came with each, until the parent closes the socket."""
         data, files = b"", list[int]()
         while True:
             part, new, _, _ = socket.recv_fds(self._socket, _CHUNK, 2)
             if not part:
                 return
             data, files = data + part, files + new
-            if data.endswith(b"\n"):  # the parent sends the next one when this one is answered
+            if data.endswith(b"\n"):  # the parent sends the next one after the answer to this one
                 yield json.loads(data), files
                 data, files = b"", []
 
@@ -85,7 +85,7 @@ def _run_task(channel: Channel, message: Any, files: list[int], limits: TaskLimi
         channel.send("failed", traceback=traceback.format_exc())
     finally:
         source.close()
-        with suppress(OSError):  # a complete result has been flushed before; an error in that has been sent
+        with suppress(OSError):  # a complete result was flushed before, and an error in that was sent
             target.close()
 
 

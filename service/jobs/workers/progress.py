@@ -14,17 +14,17 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 VIEWS_SECONDS = 0.25
-"""Least time between two reports of finished views."""
+"""The least time between two reports of finished views."""
 
 
 class ProgressClock(Clock):
     """A clock that reports when the earliest stage at work changes, and when views are finished.
 
-    Stages overlap: the earliest one at work is the one that the others wait for.
+    Stages overlap. The earliest one at work is the one that the others wait for.
     """
 
     def __init__(self, report: Callable[[dict[str, Any]], None]) -> None:
-        """`report`: called with the data of each progress event, from any thread, one at a time."""
+        """`report` is called with the data of each progress event, from any thread, one at a time."""
         super().__init__()
         self._report, self._lock, self._stages = report, threading.Lock(), set[str]()
         self._data: dict[str, Any] = {"stage": STAGES[0], "views_done": 0, "views": 0}
@@ -32,7 +32,7 @@ class ProgressClock(Clock):
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """As `Clock.stage`."""
+        """Counts the time of the block, as `Clock.stage` does, and reports the stage."""
         self._change_stages(self._stages.add, name)
         try:
             with super().stage(name):

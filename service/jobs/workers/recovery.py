@@ -1,7 +1,7 @@
 """Finds jobs whose consumer died, or that a dying process left between two steps, and repairs them.
 
-A consumer on the same machine is dead when its lock is free (`consumer_lock`), another one when its heartbeat, a count,
-has not changed for `DEAD_SECONDS` of this process's monotonic clock.
+A consumer on the same machine is dead when its lock is free (`consumer_lock`). Any other consumer is dead when its
+heartbeat, which is a count, has not changed for `DEAD_SECONDS` on this process's monotonic clock.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ if TYPE_CHECKING:
 HEARTBEAT_SECONDS = 1.0
 DEAD_SECONDS = 10.0
 LOST_SECONDS = 3.0
-"""A job is lost after so long outside the queue in state `queued`, or in state `running` with a lease of this consumer
-that no thread holds: a process died between two steps, or the queue's answer was lost."""
+"""A job is lost after this long outside the queue in state `queued`, or in state `running` with a lease of this
+consumer that no thread holds: a process died between two steps, or the queue's answer was lost."""
 STALE_SECONDS = 600.0
-"""An input without a job is removed after so long: the process that received it died."""
+"""An input without a job is removed after this long: the process that received it died."""
 _log = logging.getLogger("ciir.jobs")
 
 
 class Recovery:
-    """Repairs for all jobs that are not settled, done by one consumer. Every method raises `QueueUnavailable`."""
+    """Repairs all jobs that are not settled; one consumer does this. Every method raises `QueueUnavailable`."""
 
     def __init__(self, jobs: Jobs, lock: ConsumerLock, clock: Callable[[], float] = time.monotonic) -> None:
         self._jobs, self._lock, self._clock = jobs, lock, clock
@@ -47,12 +47,12 @@ class Recovery:
         self._count += 1
         try:
             self._jobs.queue.heartbeats.put(self._lock.name, str(self._count).encode())
-        except QueueUnavailable:  # nor can other consumers send theirs: the time until now doesn't count
+        except QueueUnavailable:  # other consumers can't send theirs either, so the time until now doesn't count
             self._heartbeats, self._defects = {}, {}
             raise
 
     def repair(self, leases: Collection[str]) -> None:
-        """Repairs every defect that has lasted long enough; `leases`: those that this consumer's threads hold."""
+        """Repairs every defect that has lasted long enough. `leases` are those that this consumer's threads hold."""
         now = self._clock()
         heartbeats = self._jobs.queue.heartbeats.items()
         self._heartbeats = {name: self._date_heartbeat(name, count, now) for name, count in heartbeats.items()}
@@ -72,7 +72,7 @@ class Recovery:
                 self._jobs.queue.heartbeats.remove(name)
 
     def remove_leftovers(self) -> None:
-        """Removes the files of dead consumers of this machine, restores jobs without a record, removes old files.
+        """Removes the files of dead consumers on this machine, restores jobs without a record, and removes old files.
 
         Call it after `repair`.
         """
@@ -88,7 +88,7 @@ class Recovery:
     def _find_defect(
         self, name: str, job: Job | None, waiting: Collection[str], leases: Collection[str], now: float
     ) -> tuple[str, float]:
-        """What is wrong with the job of input `name`, and after how many seconds to repair it; empty for nothing."""
+        """Returns the defect of the job of input `name`, and after how many seconds to repair it; empty for none."""
         if job is None or job.input != name:
             return "input without a job", STALE_SECONDS
         if job.state in FINAL:
@@ -125,10 +125,10 @@ class Recovery:
 
 
 def create_lease(consumer: str, number: int) -> str:
-    """The lease of a consumer's run."""
+    """Creates the lease of a consumer's run."""
     return f"{consumer}-{number}"
 
 
 def parse_consumer(lease: str) -> str:
-    """The consumer that created a lease."""
+    """Returns the consumer that created a lease."""
     return lease.partition("-")[0]

@@ -1,4 +1,4 @@
-"""Restores accepted jobs whose records are lost, as when a damaged database was removed, from beside their inputs."""
+"""Restores accepted jobs whose records are lost, such as with a removed database, from copies next to their inputs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _log = logging.getLogger("ciir.jobs")
 
 def restore_jobs(jobs: Jobs) -> None:
     """Queues each job again that has an input but no record. Raises `QueueUnavailable`."""
-    stored = jobs.files.list_names(INPUTS)  # before `active`: a job that is being submitted is in there first
+    stored = jobs.files.list_names(INPUTS)  # before `active`, where a job that is being submitted appears first
     active = jobs.queue.active.items()
     for name in stored:
         if name.endswith(RECORD) and name.removesuffix(RECORD) not in active:
@@ -39,4 +39,4 @@ def _restore(jobs: Jobs, name: str) -> None:
         return
     found = jobs.records.get(job.id)
     if found is None or found.input != job.input or found.state in FINAL:
-        jobs.remove_input(job.input)  # left by a process that died, or by a power cut, when the job had ended
+        jobs.remove_input(job.input)  # left over from a process that died, or a power cut, after the job had ended

@@ -1,6 +1,6 @@
 """The task of a worker process: from an input file and a request to a result file.
 
-The parent process imports this module too, so what the job needs is imported where it is used.
+The parent process imports this module too, so imports that the job needs are in the functions that use them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Outcome = Result | Problem
 _OVER = "Over a limit"
 _WARM_GRID, _WARM_SIDE = (3, 3), 32
-"""Views and pixels of the smallest light field, to warm up the models."""
+"""Views and pixels of the smallest light field, used to warm up the models."""
 _WARM_MESH = b"OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n"
 
 
@@ -36,19 +36,19 @@ class TaskLimits:
     """Limits on a task's input and on what it may use."""
 
     limits: Limits
-    """On the input."""
+    """Limits on the input."""
     output_pixels: int
-    """Of all views together, and samples of a mesh."""
+    """Most output pixels of all views together, and most samples of a mesh."""
     memory: int
     """Bytes of address space, enforced by `service.jobs.workers.sandbox`."""
     file: int
-    """Bytes of the result, enforced there too."""
+    """Bytes of the result, also enforced there."""
     cpu_seconds: int
     """Processor time."""
 
     @classmethod
     def from_settings(cls, settings: Settings) -> TaskLimits:
-        """The limits that the settings give."""
+        """Returns the limits given by the settings."""
         return cls(
             settings.limits,
             settings.max_output_pixels,
@@ -59,7 +59,7 @@ class TaskLimits:
 
     @classmethod
     def from_json(cls, fields: dict[str, Any]) -> TaskLimits:
-        """The limits that `dataclasses.asdict` made `fields` of."""
+        """Restores limits from the `fields` made by `dataclasses.asdict`."""
         return cls(**fields | {"limits": Limits(**fields["limits"])})
 
 
@@ -68,22 +68,22 @@ class Task:
     """A job to run."""
 
     id: str
-    """Of the job."""
+    """The id of the job."""
     request: Request
     source: Path
     """The input."""
     target: Path
     """Where to write the result. Unless the outcome is a `Result`, the file may be incomplete or missing."""
     has_timed_out: bool = False
-    """Whether an earlier run of the job did."""
+    """Whether an earlier run of the job timed out."""
 
 
 @dataclass(frozen=True)
 class Hooks:
-    """How the caller of a pool follows a task, and stops it. The functions are called in the thread of `Pool.run`."""
+    """How the caller of a pool follows a task and stops it. The functions are called in the thread of `Pool.run`."""
 
     begun: Callable[[int], None]
-    """Gets the worker's process id when that has received the task."""
+    """Gets the worker's process id once the worker has received the task."""
     progress: Callable[[dict[str, Any]], None]
     """Gets the data of each progress event."""
     cancelled: threading.Event
@@ -96,7 +96,7 @@ class Finished:
 
     outcome: Outcome
     is_out_of_memory: bool = False
-    """If so the process must be replaced: it may have less memory left than the next task needs."""
+    """If so, the process must be replaced: it may have less memory left than the next task needs."""
 
 
 def run_task(
@@ -108,7 +108,8 @@ def run_task(
 ) -> Finished:
     """Runs the job in this process, from the open file `source` to `target`; `progress` gets the data of each event.
 
-    Errors in the input, limits on memory or file size, and a full disk give a `Problem`; other exceptions are raised.
+    Errors in the input, limits on memory or file size, and a full disk result in a `Problem`; other exceptions are
+    raised.
     """
     from ciir.service.jobs.workers.sandbox import restrictions
 
@@ -127,7 +128,7 @@ def run_task(
 
 
 def _find_resource_problem(error: Exception, limits: TaskLimits) -> Problem | None:
-    """The problem if `error` is a lack of memory or disk space, else None."""
+    """Returns the problem if `error` is a lack of memory or disk space, else None."""
     code = getattr(error, "errno", None)
     if code == errno.EFBIG:
         detail = f"the result is over {limits.file:,} bytes; ask for fewer views or a smaller scale"
@@ -141,7 +142,7 @@ def _find_resource_problem(error: Exception, limits: TaskLimits) -> Problem | No
 
 
 def _is_out_of_memory(error: BaseException) -> bool:
-    """Whether `error` or its cause is a lack of memory, which C++ libraries report in the message only."""
+    """Checks whether `error` or its cause is a lack of memory, which C++ libraries report only in the message."""
     message = str(error).lower()
     return (
         isinstance(error, MemoryError)
@@ -158,7 +159,7 @@ def write_result(
     limits: TaskLimits,
     progress: Callable[[dict[str, Any]], None],
 ) -> Result:
-    """As `run_task`, but raises whatever the pipeline does."""
+    """Runs the job like `run_task`, but lets the pipeline's exceptions through."""
     from ciir.service.pipeline import one_file
     from ciir.service.pipeline.options import KINDS
 
@@ -166,14 +167,14 @@ def write_result(
     clock = ProgressClock(progress)
     output = one_file.Output(target, request.format, limits.output_pixels, clock.count_views, clock)
     name, report = one_file.RUNS[request.kind](given, KINDS[request.kind].parse(request.options), output)
-    views = report.pop("views", None)  # each poll parses the record, and views may be 65,536
-    stored = json.loads(json.dumps(report, allow_nan=False))  # lists for tuples, as in a record
+    views = report.pop("views", None)  # each poll parses the record, and there can be 65,536 views
+    stored = json.loads(json.dumps(report, allow_nan=False))  # turns tuples into lists, as in a record
     target.flush()
     return Result(name, target.seek(0, SEEK_END), stored, views=1 if views is None else len(views))
 
 
 def warm_up() -> None:
-    """Loads what most tasks need and runs each model that `auto` may select, for one view and for many: 1 to 2 s."""
+    """Loads what most tasks need, and runs each model that `auto` may select, for one view and many: takes 1 to 2 s."""
     import io
 
     import numpy as np
@@ -195,7 +196,8 @@ def warm_up() -> None:
             plan = Plan("upscale", model, 2, 1, (), is_light_field)
             run = upscaling.load_upscaler(plan, Arrangement(_WARM_GRID), skip=False)
             every = parse_views("all", *_WARM_GRID)
-            # One view uses all cores, many use one each: separate sessions. Single pictures go in batches.
+            # One view uses all cores; many views use one each, in separate sessions. Single pictures are processed in
+            # batches.
             many = every if is_light_field else every * 2 * count_available_cores()
             for wanted in ([(1, 1)], many):
                 run(dict.fromkeys(every, view), wanted)

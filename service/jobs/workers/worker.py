@@ -25,33 +25,33 @@ if TYPE_CHECKING:
     from ciir.service.jobs.workers.task import TaskLimits
 
 MODULE = "ciir.service.jobs.workers.process"
-"""What the process runs."""
+"""The module that the process runs."""
 SEND_SECONDS = 10.0
 """A worker that does not read a task within this time is broken."""
 EXIT_SECONDS = 1.0
-"""Time for a process that has closed its socket to end by itself, which gives its own exit status."""
+"""Time for a process that has closed its socket to end by itself, so that its own exit status is available."""
 LOG_LINES, LINE_BYTES = 200, 1000
-"""What a worker process may write to the log: so many lines, of so many bytes."""
+"""Most lines that a worker process can write to the log, and most bytes of each."""
 _CHUNK = 1 << 16
 KEPT_VARIABLES = (
     "CIIR_CACHE", "CUDA_", "DRI_", "EGL_", "GALLIUM_", "HOME", "LANG", "LC_", "LD_LIBRARY_PATH", "LIBGL_", "LP_",
     "MALLOC_", "MESA_", "NVIDIA_", "OMP_", "OPENBLAS_", "PATH", "PYOPENGL_", "PYTHON", "TZ", "XDG_CACHE_HOME", "__EGL_",
 )  # fmt: skip
-"""How the names of environment variables begin that a worker process gets; no other variable is given to it."""
+"""Prefixes of the environment variables that a worker process gets. No other variable is passed to it."""
 _log = logging.getLogger("ciir.pool")
 
 
 class WorkerExitedError(Exception):
-    """The process has ended, or it was ended as it broke the protocol."""
+    """The process has ended, or it was ended because it broke the protocol."""
 
     def __init__(self, exitcode: int, reason: str) -> None:
         super().__init__(reason)
         self.exitcode = exitcode
-        """Negative: the number of the signal."""
+        """Negative for a signal, whose number is the absolute value."""
 
 
 class Worker:
-    """A process that runs `MODULE`. Methods may be called from any thread."""
+    """A process that runs `MODULE`. Methods can be called from any thread."""
 
     def __init__(self, limits: TaskLimits) -> None:
         self._data, self._output = b"", b""
@@ -60,11 +60,11 @@ class Worker:
         self.last_line = ""
         """The last line of its output."""
         self.tasks = 0
-        """Tasks that it has run."""
+        """Number of tasks that it has run."""
         arguments = json.dumps({"parent": os.getpid(), "limits": asdict(limits)})
         self._socket, theirs = socket.socketpair()
         try:
-            self._process = subprocess.Popen(  # noqa: S603 - our own
+            self._process = subprocess.Popen(  # noqa: S603 - our own program
                 [sys.executable, "-P", "-m", MODULE, arguments],
                 stdin=theirs.fileno(),
                 stdout=subprocess.PIPE,
@@ -92,10 +92,10 @@ class Worker:
                 sent = socket.send_fds(self._socket, [data], files)
                 self._socket.sendall(data[sent:])
         except OSError as error:
-            raise self._describe_end("it takes no task") from error
+            raise self._describe_end("it accepts no task") from error
 
     def receive(self, seconds: float) -> Message | None:
-        """The next message; None if it is not complete after `seconds`. Raises `WorkerExitedError`."""
+        """Returns the next message, or None if it is not complete after `seconds`. Raises `WorkerExitedError`."""
         if b"\n" not in self._data and len(self._data) <= LIMIT:
             try:
                 with self._lock:
@@ -115,21 +115,21 @@ class Worker:
         try:
             return parse_message(line)
         except ValueError as error:
-            _log.error("worker process %d sent no message of ours and is replaced", self.pid)
+            _log.error("worker process %d sent an invalid message and is replaced", self.pid)
             self.end()
-            raise self._describe_end("it sent no message of ours") from error
+            raise self._describe_end("it sent an invalid message") from error
 
     def read_cpu_seconds(self) -> float:
-        """Processor time of all its threads; 0 if it has ended, and on systems without /proc."""
+        """Reads the processor time of all its threads; 0 if it has ended, and on systems without /proc."""
         try:
             stat = Path(f"/proc/{self.pid}/stat").read_text()
         except (FileNotFoundError, ProcessLookupError):
             return 0.0
-        fields = stat.rpartition(")")[2].split()  # proc(5): what is in brackets may hold spaces
+        fields = stat.rpartition(")")[2].split()  # proc(5): the part in brackets can contain spaces
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def is_alive(self) -> bool:
-        """Whether the process runs."""
+        """Checks whether the process is running."""
         return self._process.poll() is None
 
     def end(self) -> None:
@@ -152,7 +152,10 @@ class Worker:
             _log.warning("worker process %d: %s", self.pid, line)
 
     def read_output(self) -> None:
-        """Reads the output of the process, which waits if nothing does, and keeps it for `log_output`."""
+        """Reads the output of the process and keeps it for `log_output`.
+
+        The process blocks if nobody reads its output.
+        """
         with self._log_lock:
             if self._log_file.closed:
                 return
@@ -174,7 +177,7 @@ class Worker:
             self._unlogged.append("its further lines are left out")
 
     def _describe_end(self, reason: str) -> WorkerExitedError:
-        """The exception for a process that has closed the socket, which it does as it dies."""
+        """Returns the exception for a process that has closed the socket, which happens when it dies."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(EXIT_SECONDS)
         self.end()
@@ -183,18 +186,18 @@ class Worker:
 
 
 def make_environment() -> dict[str, str]:
-    """The environment of a worker process."""
+    """Makes the environment of a worker process."""
     kept = {name: value for name, value in os.environ.items() if name.startswith(KEPT_VARIABLES)}
     paths = os.pathsep.join(os.path.abspath(path) for path in sys.path)  # noqa: PTH100 - "" is the current folder
-    # Workers share the cores: OpenBLAS with a thread for each would wait more than it works.
+    # Workers share the cores: OpenBLAS with a thread for each core would wait more than it works.
     defaults = {"OPENBLAS_NUM_THREADS": "1"}
     if (own := find_model_folder()) is not None:
         kept[MODEL_FOLDER] = str(own)
-    return defaults | kept | {"PYTHONPATH": paths, "MESA_SHADER_CACHE_DISABLE": "true"}  # it may write no files
+    return defaults | kept | {"PYTHONPATH": paths, "MESA_SHADER_CACHE_DISABLE": "true"}  # it must not write files
 
 
 def describe_exit(exitcode: int) -> str:
-    """`was ended by signal 9 (Killed)`, `ended with status 1`."""
+    """Describes an exit status: `was ended by signal 9 (Killed)` or `ended with status 1`."""
     if exitcode >= 0:
         return f"ended with status {exitcode}"
     return f"was ended by signal {-exitcode} ({signal.strsignal(-exitcode)})"

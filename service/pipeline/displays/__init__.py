@@ -1,1 +1,1 @@
-"""Pictures for displays, from any input: quilts, native pictures of lenticular displays, panels under a lens array."""
+"""Display pictures from any input: quilts, native pictures of lenticular displays, and panels under a lens array."""

@@ -1,4 +1,4 @@
-"""Makes pictures for displays."""
+"""Makes display pictures."""
 
 from __future__ import annotations
 
@@ -54,12 +54,11 @@ def make_picture(
     progress: Progress = ignore_progress,
     clock: Clock | None = None,
 ) -> tuple[DisplayPicture, Report]:
-    """The picture for the display that `options` describe, and the report.
+    """Makes the picture for the display that `options` describe. Returns it with the report.
 
-    A mesh is cast ray by ray; without `place` it stands astride the display's plane, with `fit` none at its own place.
-    `kind`: by default the one that the options are for. `named`: the layout in a quilt's name. `suffix`: of the
-    picture's file, whose format must hold it. `max_pixels`: most
-    pixels of the picture, and most rays.
+    A mesh is cast ray by ray. Without `place` it is centred on the display's plane; with `fit` none it keeps its own
+    place. `kind`: by default the one that the options are for. `named`: the layout in a quilt's name. `suffix`: that of
+    the picture's file, whose format must be able to hold it. `max_pixels`: most pixels of the picture, and most rays.
 
     Raises `InputError`.
     """
@@ -103,7 +102,7 @@ def make_picture(
 
 
 def _load_views(views: ViewFiles, target: Target) -> LightField:
-    """The views that the display shows: of a lenticular one the row that `take_row` takes."""
+    """Loads the views that the display shows. For a lenticular display that is the row that `take_row` takes."""
     if not isinstance(target, IntegralDisplay):
         row = find_row(views.shape[0], views.depth_sense)
         views = replace(views, files=views.files[row : row + 1])
@@ -111,22 +110,22 @@ def _load_views(views: ViewFiles, target: Target) -> LightField:
 
 
 def _check_options(name: str, content: Scene | LightField, options: Options, target: Target) -> None:
-    """Raises `InvalidOption` for an option that is for the other kind of input, or that the display settles."""
+    """Raises `InvalidOption` for an option that is for the other kind of input, or that the display determines."""
     check_kind(name, content, options)
     is_mesh = isinstance(content, Scene)
     for option in ("lenses", "pixels", "pitch", "delta", "parallax") if is_mesh else ():
         if getattr(options, option) is not None:
-            raise InvalidOption(f"{option}: the display gives it; leave it out")
+            raise InvalidOption(f"{option}: this is set by the display; leave it out")
     if is_mesh and options.disparity:
-        raise InvalidOption(f"disparity: this is for light fields and {name} is a mesh; give place")
+        raise InvalidOption(f"disparity: this is for light fields, and {name} is a mesh; give place instead")
     if options.backend == "raster":
-        raise InvalidOption("backend: pictures for displays are cast by rays; leave it out or give raytrace")
+        raise InvalidOption("backend: pictures for displays are ray-traced; leave it out or give raytrace")
     if isinstance(target, Calibration) and options.sampling != Options.sampling:
         raise InvalidOption("sampling: a native picture takes one ray for each subpixel; leave it out")
 
 
 def _find_array(target: Target) -> LensArray:
-    """The lens array that a mesh is framed for."""
+    """Returns the lens array that a mesh is framed for."""
     return target.lens_array() if isinstance(target, IntegralDisplay) else _find_screen(target).lens_array()
 
 
@@ -135,7 +134,7 @@ def _find_screen(target: Quilt | Calibration) -> Screen:
 
 
 def _render(scene: Scene, options: Options, target: Target, progress: Progress) -> DisplayPicture:
-    """The picture of a mesh that stands at the display, with notes on its depth."""
+    """Renders the picture of a mesh placed at the display, with notes on its depth."""
     check = ObjectCheck(options.background, hides_backs=scene.hides_backs)
     caster = RayCaster(scene, options.background, check.count)
     samples = find_samples(options)
@@ -158,10 +157,10 @@ def _render(scene: Scene, options: Options, target: Target, progress: Progress) 
 
 
 def _describe(kind: Kind, target: Target) -> Report:
-    """The report's `display`."""
+    """Returns the report's `display`."""
     numbers: dict[str, Any] = {
         key: None if value == math.inf else value for key, value in asdict(target).items() if key != "notes"
     }
     if kind == "quilt":
-        del numbers["layout"]["is_inverted"]  # none is that is written
+        del numbers["layout"]["is_inverted"]  # written quilts never are
     return {"kind": kind, **numbers}

@@ -1,4 +1,4 @@
-"""How many rays the picture of a mesh for a display takes."""
+"""The number of rays for a display picture of a mesh."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def count_rays(target: Target, options: Options) -> int:
-    """Rays of the picture: one for each subpixel of a native picture, `find_samples` along each side of others'."""
+    """Counts rays of the picture: one for each subpixel of a native picture, else `find_samples` along each side."""
     if isinstance(target, Calibration):
         return 3 * target.width * target.height
     if isinstance(target, IntegralDisplay):
@@ -25,12 +25,12 @@ def count_rays(target: Target, options: Options) -> int:
 
 
 def find_samples(options: Options) -> int:
-    """Rays along each side of a pixel of a quilt, or of a subpixel of a panel."""
+    """Returns the number of rays along each side of a quilt's pixel, or of a panel's subpixel."""
     return LENSLET_SAMPLES if options.sampling == "lenslet" else DISPLAY_SAMPLES
 
 
 def check_rays(count: int, limit: int | None) -> None:
-    """Raises `TooLarge` for more than `limit`."""
+    """Raises `TooLarge` for more than `limit` rays."""
     if limit is not None and count > limit:
         raise TooLarge(
             f"a picture by {count:,} rays is over the limit of {limit:,}; give fewer pixels, or leave sampling out"

@@ -1,4 +1,4 @@
-"""Estimates the disparity of a view of any light field, and renders that of a mesh."""
+"""Estimates the disparity of a view of any light field, and renders the disparity of a mesh."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ def find_disparity(
     progress: Progress = ignore_progress,
     clock: Clock | None = None,
 ) -> tuple[DisparityMap, Report]:
-    """The disparity of the view that `options` ask for, in pixels of the map, and the report.
+    """Returns the disparity of the view that `options` ask for, in pixels of the map, and the report.
 
-    That of a mesh is exact: rendered, not estimated. Where nothing is seen of it, the disparity is that of its farthest
-    point, and the confidence 0, elsewhere 1. `progress` counts views, then the map. Raises as
-    `service.pipeline.run.reconstruct`, and `InvalidOption`.
+    The disparity of a mesh is exact: rendered, not estimated. Where the mesh is not seen, the disparity is that of its
+    farthest point and the confidence is 0; elsewhere the confidence is 1. `progress` counts views, then the map. Raises
+    the same errors as `service.pipeline.run.reconstruct`, and `InvalidOption`.
     """
     clock = clock or Clock()
     if Input(source).holds_mesh():
@@ -59,19 +59,19 @@ def find_disparity(
     notes = captured.report["notes"]
     notes += found.notes
     if scale > 1:
-        notes += [f"disparities are in pixels of the upscaled views, {scale} for each that was read along each side"]
+        notes += [f"disparities are in pixels of the upscaled views, {scale} for each pixel read along each side"]
     return found, _complete(captured.report, found, _find_texture(found, light_field), options, clock, is_exact=False)
 
 
 def _find_texture(found: DisparityMap, light_field: LightField) -> NDArray[np.bool_]:
-    """The pixels of the map's view, `(H, W)`, with texture: elsewhere all disparities fit alike."""
+    """Masks the pixels of the map's view, `(H, W)`, that have texture; elsewhere all disparities fit equally well."""
     view = light_field.view(*found.view)
     levels = read_levels(raise_levels(view, count_unused_bits(view)))
     return find_texture(levels, light_field.shape[:2])
 
 
 def _render(source: Source, options: Options, clock: Clock) -> tuple[DisparityMap, Report]:
-    """The disparity of a mesh."""
+    """Renders the disparity of a mesh."""
     asked = {"limits": options.limits is not None, "model": options.model != NO_MODEL}
     if any(asked.values()):
         names = ", ".join(name for name, is_asked in asked.items() if is_asked)
@@ -116,8 +116,10 @@ def _render(source: Source, options: Options, clock: Clock) -> tuple[DisparityMa
 
 
 def _find_range(found: DisparityMap, counts: NDArray[np.bool_]) -> Report | None:
-    """The least and the largest disparity where `counts` and confidence is at least `SURE`, or the median there where
-    that is lower, as of noisy views; None where nothing counts.
+    """Returns the least and the largest disparity where `counts` is true and the confidence is high enough.
+
+    That is at least `SURE`, or the median confidence where `counts` is true if that is lower, as for noisy views.
+    Returns None if `counts` is false everywhere.
     """
     if not counts.any():
         return None

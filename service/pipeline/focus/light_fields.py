@@ -1,4 +1,4 @@
-"""The light field that planes and disparity maps are made of: any input, with all its views, upscaled if asked for."""
+"""The light field for planes and disparity maps: any input, with all its views, upscaled if asked for."""
 
 from __future__ import annotations
 
@@ -41,21 +41,20 @@ class Captured:
     scale: int
     """Pixels for each pixel of the views that were read, along each side."""
     sign: int
-    """Of the light field's disparities where larger ones are nearer: -1 with the depth sense `lenses`."""
+    """The sign of the light field's disparities if larger is to be nearer: -1 with the depth sense `lenses`."""
     depths: DepthScale | None
-    """Depth against disparity, larger nearer, in pixels of the views that were read; None where nothing is known of
-    it."""
+    """Depth against disparity, with larger disparities nearer, in pixels of the views that were read; None if nothing
+    is known about it."""
     report: Report
-    """Of the views, without their list."""
+    """The report on the views, without their list."""
     count: int
-    """Views that were made."""
+    """Number of views that were made."""
 
 
 def estimate_view(captured: Captured, view: View | None, limits: tuple[float, float] | None) -> DisparityMap:
-    """The disparity of a view, by default the centre one. `limits`: larger is nearer, in pixels of the views that were
-    read.
+    """Estimates the disparity of a view, by default the centre one.
 
-    Raises `InvalidOption`.
+    `limits`: larger is nearer, in pixels of the views that were read. Raises `InvalidOption`.
     """
     if limits is not None:
         low, high = sorted(captured.sign * captured.scale * limit for limit in limits)
@@ -72,14 +71,14 @@ class _Collector(WholeWriter):
     light_field: LightField
 
     def begin(self, contents: Contents) -> None:
-        """Takes a part of the views, too: the others are black."""
+        """Starts the light field. If only some of the views are written, the others are black."""
         super().begin(replace(contents, views=tuple(parse_views("all", *contents.grid))))
         assert self._views is not None  # noqa: S101 - made by the line above
         self._views[:] = 0
         self._missing = len(contents.views)
 
     def encode(self, light_field: LightField) -> list[str]:
-        """Writes nothing."""
+        """Keeps the light field; writes nothing."""
         self.light_field = light_field
         return []
 
@@ -92,11 +91,10 @@ def capture(
     progress: Progress,
     clock: Clock,
 ) -> Captured:
-    """Reads or renders all views of `source`, and upscales them by the model of `options`: those that `_select_views`
-    gives; the others are then black.
+    """Reads or renders all views of `source`, and upscales those from `_select_views` with the model of `options`.
 
-    Raises as `service.pipeline.run.reconstruct`, and `InvalidOption` for a single view and for options of cameras that
-    are incomplete or don't fit.
+    The other views are then black. Raises the same errors as `service.pipeline.run.reconstruct`, and `InvalidOption`
+    for a single view and for camera options that are incomplete or don't fit.
     """
     writer = _Collector(io.BytesIO(), WriterOptions())
     with clock.stage("decode"):
@@ -117,10 +115,10 @@ def capture(
 
 
 def _select_views(source: Source, options: Options) -> str:
-    """The views to make: all, or where views are upscaled those that the aperture of planes lets through.
+    """Selects the views to make: all, or, if views are upscaled, those that the aperture of planes lets through.
 
-    All of a mesh, whose model may depend on how many are rendered; with alpha, by which the way to the result depends
-    on all views; and to find disparities. Raises `InputError`.
+    All views are made for a mesh, because its model may depend on how many are rendered; with alpha, because the method
+    then depends on all views; and to find disparities. Raises `InputError`.
     """
     given = Input(source)
     if options.aperture is None or options.model == NO_MODEL or options.all_in_focus == "yes" or given.holds_mesh():
@@ -133,7 +131,7 @@ def _select_views(source: Source, options: Options) -> str:
 
 
 def _find_depths(options: Options, report: Report, sense: DepthSense) -> DepthScale | None:
-    """Raises `InvalidOption`."""
+    """Finds how depth relates to disparity. Raises `InvalidOption`."""
     array = report["lens_array"]
     if options.camera_pitch is None or options.focal_length is None or options.sensor is None:
         if array["pitch"] is None or array["delta"] is None:
@@ -144,8 +142,8 @@ def _find_depths(options: Options, report: Report, sense: DepthSense) -> DepthSc
         raise InvalidOption("camera_pitch: this is for camera arrays and the input has a lens array; leave one out")
     if sense == "lenses":
         raise InvalidOption(
-            f"camera_pitch: this is for camera arrays, and {report['input']['name']} holds views of a lens array, of "
-            "parallel rays each; give its pitch and delta, or depth_sense cameras where they are a camera array's"
+            f"camera_pitch: this is for camera arrays, and {report['input']['name']} holds views of a lens array, each "
+            "with parallel rays; give its pitch and delta, or depth_sense cameras if they are from a camera array"
         )
     zero = math.inf if options.convergence is None else options.convergence
     return DepthScale.of_cameras(options.camera_pitch, options.focal_length, options.sensor, array["cols"], zero=zero)

@@ -1,4 +1,4 @@
-"""Makes a model of what any input shows: coloured triangles."""
+"""Makes a model of what an input shows, with coloured triangles."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def build_model(
     progress: Progress = ignore_progress,
     clock: Clock | None = None,
 ) -> tuple[Model, Report]:
-    """The model and the report. `progress` counts views, then the model.
+    """Returns the model and the report. `progress` counts views, then the model.
 
-    Raises as `service.pipeline.run.reconstruct`, and `InvalidOption`.
+    Raises the same errors as `service.pipeline.run.reconstruct`, and `InvalidOption`.
     """
     clock = clock or Clock()
     for name in ("view", "limits"):

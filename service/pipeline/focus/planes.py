@@ -1,4 +1,4 @@
-"""Makes depth planes of any input."""
+"""Makes depth planes from any input."""
 
 from __future__ import annotations
 
@@ -37,10 +37,11 @@ def refocus(
     progress: Progress = ignore_progress,
     clock: Clock | None = None,
 ) -> Report:
-    """Gives the planes that `options` ask for to `write`, which returns notes; returns the report.
+    """Passes the planes that `options` ask for to `write`, which returns notes. Returns the report.
 
-    `max_pixels`: most pixels of all planes, of all views, and most samples of a mesh. `progress` counts views, then
-    planes. Raises as `service.pipeline.run.reconstruct`, and `InvalidOption`.
+    `max_pixels`: the most pixels of all planes together, of all views together, and the most samples of a mesh.
+    `progress` counts views, then planes. Raises the same errors as `service.pipeline.run.reconstruct`, and
+    `InvalidOption`.
     """
     clock = clock or Clock()
     count = options.count_planes()
@@ -83,7 +84,7 @@ class _Planes:
         check_overlap(self._disparities, max(captured.light_field.shape[2:4]) // captured.scale)
 
     def _find_disparities(self) -> NDArray[np.float64]:
-        """Of the depths."""
+        """Converts the depths to disparities."""
         depths = self._captured.depths
         if depths is None:
             raise InvalidOption(
@@ -95,7 +96,7 @@ class _Planes:
         return depths.to_disparity(self._values)
 
     def make_stack(self) -> Stack:
-        """The stack; planes are made when they are read."""
+        """Makes the stack. Its planes are made when they are read."""
         light_field = self._captured.light_field
         height, width, channels = light_field.shape[2:]
         return Stack(
@@ -123,7 +124,7 @@ class _Planes:
         return self._captured.depths is not None and self._captured.depths.is_inverse
 
     def _make(self, order: Sequence[int]) -> Iterator[NDArray[np.float32]]:
-        """Planes by their numbers."""
+        """Makes planes, given their numbers."""
         views = self._captured.light_field.views
         disparities = self._captured.sign * self._captured.scale * self._disparities[list(order)]
         done = self._captured.count
@@ -140,7 +141,7 @@ class _Planes:
             yield plane
 
     def _describe(self) -> Report:
-        """The report so far."""
+        """Returns the report so far."""
         report, options, depths = self._captured.report, self._options, self._captured.depths
         return report | {
             "planes": list(self._describe_planes()),
@@ -165,8 +166,8 @@ class _Planes:
     def _list_notes(self) -> Iterator[str]:
         if self._captured.scale > 1:
             yield (
-                f"disparities are in pixels of the views that were read; planes have {self._captured.scale} for each "
-                "of them, along each side"
+                f"disparities are in pixels of the views that were read; planes have {self._captured.scale} pixels for "
+                "each of them, along each side"
             )
         if self._captured.report["lens_array"]["depth_sense"] == "lenses" and self._disparities.max() > 0:
-            yield "disparities over 0 lie before the lens array; what is behind it, as most objects are, is below 0"
+            yield "disparities over 0 lie in front of the lens array; most objects are behind it, below 0"

@@ -1,1 +1,1 @@
-"""What an input is, before anything is made of it."""
+"""Inspection: finds out what an input is before it is processed."""

@@ -1,4 +1,4 @@
-"""What a picture may be: an elemental image array, a mosaic of views, or a raw lenslet picture, with its lens grid."""
+"""Finds out what a picture may be: an elemental image array, a mosaic, or a raw lenslet picture with its grid."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ if TYPE_CHECKING:
 
 
 def describe_picture(given: Input, format_: PictureFormat, key: str, options: Options) -> Report:
-    """The report of the picture `key`, which may be an array, without times. Raises `InputError`."""
+    """Returns the report on the picture `key`, which may be an array, without timings. Raises `InputError`."""
     bundle = given.bundle
-    assert bundle is not None  # noqa: S101 - the key is of its files
+    assert bundle is not None  # noqa: S101 - the key names one of its files
     data = bundle.files[key]
     notes: tuple[str, ...] = ()
     if format_ is ARRAY_PICTURE:
@@ -56,7 +56,10 @@ def describe_picture(given: Input, format_: PictureFormat, key: str, options: Op
 
 
 def _describe_own(layout: Layout) -> Candidate:
-    """What a picture says of itself. Options leave out what is read in the file again, such as the pickup."""
+    """Describes what a picture states about itself.
+
+    Options leave out what is read from the file anyway, such as the pickup.
+    """
     given = {"arrangement": "mosaic"} if layout.arrangement == "mosaic" else {}
     options = write_texts(given | {"pixels": layout.pixels})
     return {"kind": layout.arrangement, "options": options, "lenses": layout.lenses, "pixels": layout.pixels}
@@ -65,7 +68,7 @@ def _describe_own(layout: Layout) -> Candidate:
 def _find_candidates(
     bundle: Bundle, format_: PictureFormat, key: str, picture: Pixels, options: Options
 ) -> list[Candidate]:
-    """What the picture `key` may be, the likeliest first. Raises `InputError`."""
+    """Lists what the picture `key` may be, the likeliest first. Raises `InputError`."""
     periods = Periods(picture)
     sizes = periods.rank_sizes()
     is_lytro = format_ in (LYTRO, LYTRO_RAW)
@@ -74,7 +77,7 @@ def _find_candidates(
     if is_raw or detect_grid(picture, sizes[0][0] if sizes else USUAL_PIXELS) is not None:
         try:
             grid = find_grid(bundle, key, options.known_grid or Known())
-        except (Unreadable, InvalidOption):  # the whole picture shows none
+        except (Unreadable, InvalidOption):  # the whole picture shows no grid
             if is_raw:
                 raise
         else:
@@ -86,12 +89,12 @@ def _find_candidates(
 
 
 def _is_regular(grid: LensGrid, sizes: Sequence[tuple[int, int]]) -> bool:
-    """Whether the lenses are those of elemental images of a whole number of pixels."""
+    """Checks whether the lenses match elemental images of a whole number of pixels."""
     return grid.shape == "square" and any(abs(grid.pitch / side - 1) < SAME_PITCH for size in sizes for side in size)
 
 
 def _list_arrangements(periods: Periods, shape: tuple[int, ...], sizes: Sequence[tuple[int, int]]) -> list[Candidate]:
-    """What may repeat after each of `sizes`: views of a mosaic, where they are larger, and elemental images."""
+    """Lists what may repeat with each of `sizes`: views of a mosaic, if these are larger, and elemental images."""
     found: list[Candidate] = []
     for size in sizes:
         others = shape[0] // size[0], shape[1] // size[1]
@@ -104,7 +107,7 @@ def _list_arrangements(periods: Periods, shape: tuple[int, ...], sizes: Sequence
 
 def _describe_raw(calibration: Calibration, *, is_lytro: bool) -> Candidate:
     grid = asdict(calibration.known)
-    texts = {  # as exact as the picture shows it
+    texts = {  # as exact as the picture shows them
         "lens_pitch": round(grid["pitch"], 5),
         "lens_offset": tuple(round(each, 3) for each in grid["offset"]),
         "lens_rotation": round(grid["rotation"], 4),

@@ -1,4 +1,4 @@
-"""What an input is, before anything is made of it: its kind, its sizes, and the lens grids that it may have."""
+"""Finds out what an input is before it is processed: its kind, its sizes, and the lens grids that it may have."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 
 def inspect(source: Source, options: Options, clock: Clock | None = None) -> Report:
-    """The report of an inspection. Views of a set are not decoded, and nothing is rendered.
+    """Returns the report of an inspection. Views of a set are not decoded, and nothing is rendered.
 
-    `kind`: mesh or views; of one picture eia, mosaic or raw, or picture where no lenses are found. `candidates`: what a
-    picture whose lenses are not given may be, the likeliest first, each with the `options` that read it so.
+    `kind`: mesh or views; for one picture eia, mosaic or raw, or picture if no lenses are found. `candidates`: what a
+    picture whose lenses are not given may be, the likeliest first, each with the `options` that read it that way.
 
     Raises `InputError`.
     """
@@ -33,7 +33,7 @@ def inspect(source: Source, options: Options, clock: Clock | None = None) -> Rep
 
 
 def _find_picture(given: Input, options: Options) -> tuple[PictureFormat, str] | None:
-    """The picture whose lens grid is to be found; None for another input, or where options say what it is."""
+    """Finds the picture whose lens grid is to be found; None for another input, or if options say what it is."""
     bundle = given.bundle
     if bundle is None or options.lenses is not None or (options.pixels is not None and options.known_grid is None):
         return None

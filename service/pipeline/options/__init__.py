@@ -1,4 +1,4 @@
-"""Options and kinds of jobs: one table each, for the command line, HTTP and Python."""
+"""Options and kinds of jobs: one table each, shared by the command line, HTTP and Python."""
 
 from ciir.service.pipeline.options.displays import DISPLAYS
 from ciir.service.pipeline.options.focus import FOCUS

@@ -1,4 +1,4 @@
-"""Options of pictures for displays."""
+"""Options for display pictures."""
 
 from __future__ import annotations
 
@@ -35,43 +35,43 @@ TEXT_FILE = ValueType({"type": "string", "maxLength": MOST_TEXT}, _read_file, by
 DISPLAYS = {
     "device": Option(
         "NAME",
-        f"quilt: the Looking Glass that it is for: {', '.join(DEVICES)} (default {DEFAULT})",
+        f"quilt: the Looking Glass display that it is for: {', '.join(DEVICES)} (default {DEFAULT})",
         LABEL,
         "go",
     ),
-    "quilt": Option("CxR", "quilt: columns x rows of views, in place of the device's", GRID, "8x6"),
+    "quilt": Option("CxR", "quilt: columns x rows of views, instead of the device's", GRID, "8x6"),
     "aspect": Option(
         "NUMBER",
-        "quilt: width / height of a view as the display shows it, in place of the device's",
+        "quilt: width / height of a view as the display shows it, instead of the device's",
         make_number(*RANGES["aspect"]),
         "0.75",
     ),
     "calibration": Option(
         "FILE",
-        "lenticular: the display's calibration, the JSON file that it holds",
+        "lenticular: the JSON file with the display's calibration, which is stored on the display",
         TEXT_FILE,
         '{"pitch": 49.9, "slope": 5.8, "center": 0.3, "DPI": 338, "screenW": 120, "screenH": 80}',
     ),
     "display": Option(
         "FILE",
-        "panel: the panel and its lenses in millimetres, a TOML file as in docs/displays.md",
+        "panel: a TOML file that describes the panel and its lenses in millimetres, as in docs/displays.md",
         TEXT_FILE,
         "[panel]\npixels = [60, 40]\npitch = 0.1\n[lenses]\npitch = 1.0\ngap = 3.0\n",
     ),
     "conversion": Option(
         "NAME",
-        "panel: spoc, so that depth is right (orthoscopic); none, as lenses pick up, depth inverted (default spoc)",
+        "panel: spoc, for correct depth (orthoscopic); none, as lenses pick it up, with inverted depth (default spoc)",
         make_name(get_args(Conversion)),
         "none",
     ),
     "disparity": Option(
         "PIXELS",
-        "of a light field: the disparity of what is to lie in the display's plane (default 0)",
+        "for a light field: the disparity of content that should lie in the display's plane (default 0)",
         make_number(*RANGES["disparity"]),
         "0.5",
     ),
 }
-"""By name, in the order of the help."""
+"""Options by name, in the order of the help."""
 
 
 @dataclass(frozen=True)

@@ -22,20 +22,20 @@ from ciir.service.pipeline.options.values import (
 )
 
 Method = Literal["mapping", "window", "delta"]
-"""As `renderer.focus.planes.Method`, whose import takes longer than the command line may."""
+"""The same as `renderer.focus.planes.Method`, which takes too long to import for the command line."""
 Occluders = Literal["keep", "remove"]
-"""As `renderer.focus.occluders.Occluders`."""
+"""The same as `renderer.focus.occluders.Occluders`."""
 StackKind = Literal["disparities", "depths"]
 MOST_PLANES = 1024
 ASKED = ("disparity", "depth", "stack", "all_in_focus")
-"""Options, of which one says what is made."""
+"""Options of which exactly one must be given; it says what to make."""
 CAMERAS = ("focal_length", "sensor", "convergence")
 """Options that go with `camera_pitch`."""
 _NUMBER = r"-?[0-9]{1,9}(\.[0-9]{1,9})?"
 
 
 def _make_colons(pattern: str, needed: str, example: str) -> ValueType:
-    """Numbers with colons between them."""
+    """Makes a type for numbers separated by colons."""
 
     def convert(value: Any) -> Any:
         text = made.write(tuple(float(check_number(number)) for number in value))
@@ -59,14 +59,14 @@ LIMITS = _make_colons(f"{_NUMBER}:{_NUMBER}", "LEAST:LARGEST", "-2:2")
 FOCUS = {
     "depth": Option(
         "DISTANCE",
-        "the plane at this distance behind the lens array, in scene units (a mesh; else with --pitch and --delta), or "
-        "in front of the cameras (with --camera-pitch)",
+        "focus on the plane at this distance: behind the lens array, in scene units (for a mesh, or with --pitch and "
+        "--delta), or in front of the cameras (with --camera-pitch)",
         make_number(-1e9, 1e9),
         "12.5",
     ),
     "stack": Option(
         "A:B:N",
-        "N planes, evenly from A to B: disparities, or depths with --stack-of depths",
+        "N planes, evenly spaced from A to B: disparities, or depths with --stack-of depths",
         STACK,
         "-1:1:16",
     ),
@@ -86,49 +86,53 @@ FOCUS = {
     "method": Option(
         "NAME",
         "mapping: pixels are interpolated; window: pictures fade at their borders; delta: convolution with delta "
-        "functions, whole pixels (default mapping)",
+        "functions, in whole pixels (default mapping)",
         make_name(get_args(Method)),
         "window",
     ),
     "aperture": Option(
-        "VIEWS", "radius of the views around the middle that count (default all)", make_number(0.01, 1e6), "2.5"
+        "VIEWS", "use only views within this radius from the middle (default: all)", make_number(0.01, 1e6), "2.5"
     ),
     "aperture_shape": Option(
         "NAME", "with --aperture: disc, square or gauss (default disc)", make_name(get_args(Shape)), "gauss"
     ),
     "occluders": Option(
         "NAME",
-        "keep: what stands before a plane blurs over it; remove: it is left out (default keep)",
+        "keep: objects in front of a plane blur over it; remove: they are left out (default keep)",
         make_name(get_args(Occluders)),
         "remove",
     ),
     "camera_pitch": Option(
-        "MM", "of a camera array: from camera to camera, in millimetres, as all of these", make_number(1e-9, 1e9), "2"
+        "MM", "for a camera array: distance between cameras in millimetres", make_number(1e-9, 1e9), "2"
     ),
-    "focal_length": Option("MM", "with --camera-pitch: the cameras' focal length", make_number(1e-9, 1e9), "35"),
-    "sensor": Option("MM", "with --camera-pitch: the width of a camera's sensor", make_number(1e-9, 1e9), "36"),
+    "focal_length": Option(
+        "MM", "with --camera-pitch: the cameras' focal length in millimetres", make_number(1e-9, 1e9), "35"
+    ),
+    "sensor": Option(
+        "MM", "with --camera-pitch: the width of a camera's sensor in millimetres", make_number(1e-9, 1e9), "36"
+    ),
     "convergence": Option(
         "MM",
-        "with --camera-pitch: the depth at which the pictures were aligned, which has no disparity (default: parallel "
-        "cameras)",
+        "with --camera-pitch: the depth in millimetres at which the pictures were aligned and have no disparity "
+        "(default: parallel cameras)",
         make_number(1e-9, 1e9),
         "500",
     ),
     "view": Option(
         "V,U",
-        "row and column of the view whose disparity is wanted (default the centre one)",
+        "row and column of the view whose disparity is estimated (default: the centre view)",
         values.VIEW,
         "0,4",
     ),
     "limits": Option(
         "A:B",
-        "the least and the largest disparity to look for, in pixels of the views that are read (default: found in the "
-        "pictures)",
+        "the smallest and the largest disparity to look for, in pixels of the views that are read (default: found in "
+        "the pictures)",
         LIMITS,
         "-2:2",
     ),
 }
-"""By name, in the order of the help."""
+"""Options by name, in the order of the help."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +141,7 @@ class FocusOptions:
 
     depth: float | None = None
     stack: tuple[float, float, float] | None = None
-    """First, last and a whole number: the count."""
+    """The first, the last, and their count, which is a whole number."""
     stack_of: StackKind = "disparities"
     all_in_focus: Switch = "no"
     method: Method = "mapping"
@@ -146,7 +150,7 @@ class FocusOptions:
     aperture_shape: Shape = "disc"
     occluders: Occluders = "keep"
     camera_pitch: float | None = None
-    """Millimetres, as the next three."""
+    """Millimetres, like the next three."""
     focal_length: float | None = None
     sensor: float | None = None
     convergence: float | None = None
@@ -155,7 +159,7 @@ class FocusOptions:
     """Pixels."""
 
     def count_planes(self) -> int:
-        """How many planes are asked for. Raises `InvalidOption` unless that is asked for in one way."""
+        """Returns the number of planes to make. Raises `InvalidOption` unless exactly one of `ASKED` is given."""
         given = [name for name in ASKED if getattr(self, name) not in (None, "no")]
         if len(given) != 1:
             what = f"{', '.join(given)}: these ask for different pictures" if given else "nothing says what to focus on"
@@ -171,7 +175,7 @@ class FocusOptions:
         return int(count)
 
     def check_planes(self) -> None:
-        """Raises `InvalidOption` where options of planes don't go together."""
+        """Raises `InvalidOption` if options of planes don't go together."""
         self.count_planes()
         if self.stack is None and self.stack_of != "disparities":
             raise InvalidOption("stack_of: this says what stack counts; leave it out or give stack")
@@ -183,16 +187,16 @@ class FocusOptions:
                     raise InvalidOption(f"{name}: this is for planes; leave it out or give disparity, depth or stack")
         elif self.limits is not None:
             raise InvalidOption(
-                "limits: this is for all_in_focus, which looks for disparities; leave it out or give that"
+                "limits: this is for all_in_focus, which looks for disparities; leave it out or give all_in_focus"
             )
         self.check_limits()
         self._check_cameras()
 
     def check_limits(self) -> None:
-        """Raises `InvalidOption` where `limits` are no range."""
+        """Raises `InvalidOption` if `limits` is not a range."""
         if self.limits is not None and self.limits[0] >= self.limits[1]:
             least, largest = self.limits
-            raise InvalidOption(f"limits: {least:g}:{largest:g} is no range; give the smaller disparity first")
+            raise InvalidOption(f"limits: {least:g}:{largest:g} is not a range; give the smaller disparity first")
 
     def _check_cameras(self) -> None:
         if self.depth is None and self.stack_of != "depths":

@@ -29,22 +29,22 @@ if TYPE_CHECKING:
 KindName = Literal["reconstruction", "upscale", "elemental", "display", "plane", "disparity", "inspection"]
 _PICTURES = tuple(entry.name for entry in pictures.FORMATS)
 _INPUT = tuple(name for name in (*READING, *LENSLET, *MESH) if name != "neighbour_time")
-"""Options of what is made of all views."""
+"""Options of kinds of jobs that use all views."""
 _ANY_SIZE = 2**62
-"""Pixels: the size of a display is checked where the limits are known."""
-_MODEL = "a model that upscales the views first: a name that `ciir models` lists, or auto; or none (default none)"
+"""A limit in pixels that never applies: the size of a display is checked where the limits are known."""
+_MODEL = "a model that upscales the views first: a name that `ciir models` lists, auto or none (default none)"
 
 ONE_POSE = {name: OPTIONS[name].help.partition("; several")[0] for name in ("rotate", "time")}
-"""Help of options where several of their values make no video."""
+"""Help of options for commands in which several values don't make a video."""
 
 
 class FileType(NamedTuple):
-    """What a result is as a file."""
+    """The file type of a result."""
 
     suffix: str
     media_type: str
     holds_report: bool = False
-    """Whether the report, and with it the times of that run, is in the file."""
+    """Whether the file contains the report, and with it the timings of that run."""
 
 
 MODELS = {"glb": FileType(".glb", "model/gltf-binary"), "ply": FileType(".ply", BINARY)}
@@ -55,7 +55,7 @@ FILE_TYPES = {
     **{entry.name: FileType(entry.suffix, entry.media_type) for entry in maps.FORMATS.values()},
     **{entry.name: FileType(entry.suffixes[0], entry.media_type, entry.holds_report) for entry in FORMATS.values()},
 }
-"""By the name of a format."""
+"""File types by the name of the format."""
 
 
 @dataclass(frozen=True)
@@ -65,67 +65,69 @@ class Kind:
     name: KindName
     summary: str
     takes: str
-    """The file."""
+    """A description of the file."""
     options: tuple[str, ...]
     """Names of its options."""
     formats: tuple[str, ...]
     """Names of the formats that it writes."""
     default_format: str
-    """A rule in words."""
+    """The rule in words."""
     help: Mapping[str, str] = field(default_factory=dict)
-    """Lines of help that differ from those in `OPTIONS`."""
+    """Help texts that differ from those in `OPTIONS`."""
     defaults: Mapping[str, str] = field(default_factory=dict)
-    """Texts of defaults that differ from those of `Options`."""
+    """Default values, as text, that differ from those of `Options`."""
     checks: tuple[Callable[[Options], None], ...] = ()
-    """Each raises `InvalidOption` where options don't go together."""
+    """Each raises `InvalidOption` if options don't go together."""
     format_check: Callable[[Options, str | None], object] | None = None
-    """Raises `InputError` where options don't fit the format."""
+    """Raises `InputError` if options don't fit the format."""
 
     @property
     def plural(self) -> str:
-        """`POST /v1/PLURAL` makes one."""
+        """The name in the URL: `POST /v1/PLURAL` makes one."""
         return "disparities" if self.name == "disparity" else f"{self.name}s"
 
     @property
     def takes_scenes(self) -> bool:
-        """Whether a shipped scene may take the file's place, as any mesh may."""
+        """Whether a shipped scene can be given instead of the file, as it can wherever a mesh can."""
         return not set(self.options).isdisjoint(MESH)
 
     @property
     def takes_light_fields(self) -> bool:
-        """Whether the file may be a light field, in one picture too."""
+        """Whether the file can be a light field, including one in a single picture."""
         return "arrangement" in self.options
 
     def parse(self, texts: Mapping[str, str]) -> Options:
-        """The options in `texts`, with the defaults of this kind. Raises `InvalidOption`, also for those that don't go
-        together."""
+        """Parses the options in `texts`, with the defaults of this kind.
+
+        Raises `InvalidOption`, also for options that don't go together.
+        """
         options = Options.parse({**self.defaults, **texts})
         for check in (Options.check_lens_grid, *self.checks):
             check(options)
         return options
 
     def check_format(self, options: Options, name: str | None) -> None:
-        """Raises `InputError` for an option that the format `name`, or the default for None, has no use for."""
+        """Raises `InputError` for an option that the format `name` doesn't use. None is the default format."""
         if self.format_check is not None:
             self.format_check(options, name)
 
     def list_models(self) -> list[str]:
-        """The values of the option `model`."""
+        """Lists the values of the option `model`."""
         if self.name == "upscale":
             return [AUTO, *catalogue.list_single_image_names()]
         return [AUTO, *catalogue.list_names(), NO_MODEL]
 
     def check_model(self, name: str) -> None:
-        """Raises `UnknownModel` where `name` is none of `list_models`."""
+        """Raises `UnknownModel` if `name` is not in `list_models`."""
         known = self.list_models()
         if name not in known:
             is_field = name in catalogue.list_names()
-            others = f"{name} takes views of a light field, by a reconstruction; for pictures " if is_field else ""
+            others = f"{name} takes the views of a light field, in a reconstruction; for pictures " if is_field else ""
             lacks = "" if is_field else f"no {clean_text(name)[:40]!r} here; "
             raise UnknownModel(f"model: {lacks}{others}give one of {', '.join(known)}")
 
     def describe_option(self, name: str) -> dict[str, Any]:
-        """JSON schema (as in OpenAPI 3.0) of an option in this kind's form."""
+        """Returns the JSON schema (as in OpenAPI 3.0) of an option in this kind's form."""
         schema = describe(name)
         if name in self.help:
             schema["description"] = self.help[name]
@@ -147,7 +149,10 @@ def _check_display(options: Options, name: str | None) -> None:
 
 
 def find_plane_format(options: Options, name: str | None) -> str:
-    """The format of depth planes. Raises `InvalidOption` where it can't hold as many, or has no frames per second."""
+    """Returns the format for depth planes.
+
+    Raises `InvalidOption` if it can't hold that many planes, or has no frames per second.
+    """
     is_one = options.count_planes() == 1
     found, writers = name or ("png" if is_one else "zip"), PLANE if is_one else STACK
     if found not in writers:
@@ -177,7 +182,7 @@ KINDS: dict[KindName, Kind] = {
             _PICTURES,
             "tiff for a TIFF, else png",
             {
-                "model": f"a model of single pictures (default {catalogue.DEFAULT}, or its int8 twin where the "
+                "model": f"a model for single pictures (default {catalogue.DEFAULT}, or its int8 twin if the "
                 "processor supports it)",
                 "scale": "output pixels for each input pixel along a side, 1 to 8 (default 2)",
                 "skip": "exact: skip pixels that can't change the result; none: compute everything (default exact)",
@@ -198,9 +203,9 @@ KINDS: dict[KindName, Kind] = {
                 "lenses": "rows x columns of lenses (default 100x100)",
                 "pixels": "rows x columns of pixels under each lens (default 15x15)",
                 "pitch": "distance between lenses in scene units (default 1)",
-                "delta": "pixel size / gap (default 0.4 / the larger count of pixels)",
-                "parallax": "the whole viewing angle in degrees, in place of --delta (default 22.6)",
-                "pickup": "optical turns each elemental image by 180 degrees (default virtual)",
+                "delta": "pixel size / gap (default 0.4 / the larger of the two numbers in --pixels)",
+                "parallax": "the whole viewing angle in degrees, instead of --delta (default 22.6)",
+                "pickup": "virtual: elemental images are upright; optical: turned by 180 degrees (default virtual)",
             },
         ),
         Kind(
@@ -210,7 +215,10 @@ KINDS: dict[KindName, Kind] = {
             (*DISPLAYS, *_INPUT),
             tuple(USES),
             "panel with a display, lenticular with a calibration, else quilt",
-            {**ONE_POSE, "place": "where a mesh lies: -1 behind the display, 0 astride, 1 before it (default 0)"},
+            {
+                **ONE_POSE,
+                "place": "position of a mesh: -1 behind the display, 0 centred on it, 1 in front of it (default 0)",
+            },
             format_check=_check_display,
         ),
         Kind(
@@ -228,9 +236,9 @@ KINDS: dict[KindName, Kind] = {
             {
                 **ONE_POSE,
                 "model": _MODEL,
-                "disparity": "the plane of what moves by so many pixels from view to view, in pixels of the views that "
-                "are read; as in `ciir depth` larger is nearer, and 0 the lens array's plane or, for parallel cameras, "
-                "infinity",
+                "disparity": "focus on content that moves by this many pixels from view to view, in pixels of the "
+                "views that are read; as in `ciir depth`, larger is nearer, and 0 is the lens array's plane or, for "
+                "parallel cameras, infinity",
             },
             {"model": NO_MODEL},
             (Options.check_planes,),
@@ -238,7 +246,7 @@ KINDS: dict[KindName, Kind] = {
         ),
         Kind(
             "disparity",
-            "Estimate the disparity of a view, or make a model of what is seen",
+            "Estimate the disparity of a view, or make a model of what the views show",
             "an EIA picture, a zip of views, a light field in one file, or a mesh",
             ("view", "limits", "model", "scale", *_INPUT),
             (*maps.FORMATS, *MODELS, "zip"),
@@ -249,7 +257,7 @@ KINDS: dict[KindName, Kind] = {
         ),
         Kind(
             "inspection",
-            "Find out what a file is, and which lens grid it may have",
+            "Find out what a file contains, and which lens grid it may have",
             "any file that a reconstruction takes",
             _INPUT,
             ("json",),
@@ -257,4 +265,4 @@ KINDS: dict[KindName, Kind] = {
         ),
     )
 }
-"""By name."""
+"""Kinds of jobs by name."""

@@ -1,4 +1,4 @@
-"""Options of raw lenslet pictures: the part of their lens grid that is given."""
+"""Options of raw lenslet pictures: the known part of their lens grid."""
 
 from __future__ import annotations
 
@@ -51,16 +51,16 @@ _POINT = make_form(
 LENSLET = {
     "lens_pitch": Option(
         "PIXELS",
-        "of a raw lenslet picture: pixels from lens to lens, such as 14.37; or auto, to find the lens grid in it",
+        "for a raw lenslet picture: pixels from lens to lens, such as 14.37, or auto to find the lens grid in it",
         _PITCH,
         "auto",
     ),
     "lens_offset": Option(
-        "Y,X", "with --lens-pitch: centre of one lens, in pixels (default: found)", _POINT, "5.3,8.8"
+        "Y,X", "with --lens-pitch: the centre of one lens, in pixels (default: found)", _POINT, "5.3,8.8"
     ),
     "lens_rotation": Option(
         "DEGREES",
-        "with --lens-pitch: by how much rows of lenses go down to the right (default: found)",
+        "with --lens-pitch: the angle by which rows of lenses go down to the right (default: found)",
         make_number(-45, 45, "degrees such as 0.8"),
         "0.8",
     ),
@@ -71,7 +71,7 @@ LENSLET = {
         "hexagonal",
     ),
 }
-"""By name, in the order of the help."""
+"""Options by name, in the order of the help."""
 
 
 @dataclass(frozen=True)
@@ -79,16 +79,16 @@ class LensletOptions:
     """Values of the options in `LENSLET`."""
 
     lens_pitch: Pitch | None = None
-    """Pixels; None for an elemental image array, whose lenses have a whole number of pixels."""
+    """Pixels; None for an elemental image array, whose lenses are a whole number of pixels wide."""
     lens_offset: tuple[float, float] | None = None
     lens_rotation: float | None = None
     lens_grid: GridShape = "auto"
 
     @property
     def known_grid(self) -> Known | None:
-        """The given part of the lens grid of a raw lenslet picture; None without `lens_pitch`.
+        """The given part of the lens grid of a raw lenslet picture, or None without `lens_pitch`.
 
-        Raises as `check_lens_grid`.
+        Raises the same errors as `check_lens_grid`.
         """
         self.check_lens_grid()
         if self.lens_pitch is None:
@@ -101,7 +101,7 @@ class LensletOptions:
         )
 
     def check_lens_grid(self) -> None:
-        """Raises `InvalidOption` for another option of these without `lens_pitch`."""
+        """Raises `InvalidOption` if another of these options is given without `lens_pitch`."""
         for name in ("lens_offset", "lens_rotation", "lens_grid"):
             if self.lens_pitch is None and getattr(self, name) != getattr(LensletOptions, name):
-                raise InvalidOption(f"{name}: this needs lens_pitch; give that in pixels, or as auto")
+                raise InvalidOption(f"{name}: this needs lens_pitch; give lens_pitch in pixels, or as auto")

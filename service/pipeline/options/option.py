@@ -1,4 +1,4 @@
-"""How an option is described and written."""
+"""Describes an option and its values."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Option:
-    """How an option is described and written."""
+    """An option: its help, and the type of its values."""
 
     placeholder: str
-    """Of its value, in the help of the command line."""
+    """Stands for the value in the help of the command line."""
     help: str
-    """A line."""
+    """One line."""
     type: ValueType
-    """Of its values."""
+    """The type of its values."""
     example: str
-    """A value's text."""
+    """A value as text."""
     flag: str = ""
-    """The value that the option alone stands for on the command line; empty for options that are followed by one."""
+    """The value that the option means without an argument on the command line; empty for options that take one."""

@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
 OPTIONS = FOCUS | READING | LENSLET | UPSCALING | MESH | DISPLAYS | WRITING
-"""By name, in the order of the help."""
+"""Options by name, in the order of the help."""
 NAMES = tuple(OPTIONS)
 RECONSTRUCTION = tuple(name for name in OPTIONS if name not in FOCUS and name not in DISPLAYS)
-"""The names of a reconstruction's."""
+"""Names of the options of a reconstruction."""
 
 
 @dataclass(frozen=True)
 class Options(WritingOptions, MeshOptions, UpscalingOptions, LensletOptions, ReadingOptions, FocusOptions):
-    """Options of a job, which `OPTIONS` describes. Raises `InvalidOption` where one is out of range by itself.
+    """Options of a job, described in `OPTIONS`. Raises `InvalidOption` if one is out of range by itself.
 
     `service.pipeline.job` checks whether they fit the input.
     """
@@ -38,31 +38,34 @@ class Options(WritingOptions, MeshOptions, UpscalingOptions, LensletOptions, Rea
 
     @classmethod
     def parse(cls, texts: Mapping[str, str]) -> Options:
-        """Options from text, as the command line and form fields give it. Raises `InvalidOption`."""
+        """Parses options from text, as given on the command line or in form fields. Raises `InvalidOption`."""
         return cls.convert(texts)
 
     @classmethod
     def convert(cls, given: Mapping[str, object], names: Sequence[str] = NAMES) -> Options:
-        """Options from Python values: pairs and colours as sequences of whole numbers, views as pairs (v, u), `skip` as
-        a bool; text is parsed as on the command line, and None is the default. Raises `InvalidOption`, also for one
-        that is not among `names`.
+        """Converts options from Python values.
+
+        Pairs and colours are sequences of whole numbers, views are pairs (v, u), and `skip` is a bool. Text is parsed
+        as on the command line, and None means the default. Raises `InvalidOption`, also for an option that is not in
+        `names`.
         """
         return cls(**_parse(given, names))
 
     def as_dict(self, names: Sequence[str] = NAMES) -> dict[str, Any]:
-        """The options `names`, ready for JSON."""
+        """Returns the options in `names`, ready for JSON."""
         return {name: getattr(self, name) for name in names}
 
 
 def write_texts(given: Mapping[str, object], names: Sequence[str] = NAMES) -> dict[str, str]:
-    """The options in `given`, as `Options.convert` takes them, as text for form fields. Raises `InvalidOption`, also
-    for one that is not among `names`.
+    """Writes the options in `given`, which are what `Options.convert` takes, as text for form fields.
+
+    Raises `InvalidOption`, also for an option that is not in `names`.
     """
     return {name: OPTIONS[name].type.write(value) for name, value in _parse(given, names).items()}
 
 
 def describe(name: str) -> dict[str, Any]:
-    """JSON schema (as in OpenAPI 3.0) of the option `name` in a form."""
+    """Returns the JSON schema (as in OpenAPI 3.0) of the option `name` in a form."""
     option = OPTIONS[name]
     schema = option.type.schema | {"description": f"{option.placeholder}: {option.help}", "example": option.example}
     is_text = schema["type"] == "string"
@@ -75,5 +78,5 @@ def _parse(given: Mapping[str, object], names: Sequence[str]) -> dict[str, Any]:
     unknown = sorted(set(given) - set(names))
     if unknown:
         listed = ", ".join(repr(clean_text(name)[:40]) for name in unknown[:5])
-        raise InvalidOption(f"{listed}: no such option; known are {', '.join(names)}")
+        raise InvalidOption(f"{listed}: no such option; the options are {', '.join(names)}")
     return {name: OPTIONS[name].type.parse(name, value) for name, value in given.items() if value is not None}

@@ -1,4 +1,4 @@
-"""Options that say how an input lies in front of the lenses: the lens array, and the order of views."""
+"""Options that say how to read an input: its lens array, and the order of its views."""
 
 from __future__ import annotations
 
@@ -16,59 +16,59 @@ Switch = Literal["yes", "no"]
 READING = {
     "lenses": Option(
         "RxC",
-        "rows x columns of lenses (a mesh: 100x100 by default; an EIA needs this or --pixels)",
+        "rows x columns of lenses (default for a mesh: 100x100; an EIA needs this or --pixels)",
         values.PAIR,
         "50x50",
     ),
     "pixels": Option(
-        "KvxKu", "rows x columns of pixels under each lens (a mesh: 15x15 by default)", values.PAIR, "9x9"
+        "KvxKu", "rows x columns of pixels under each lens (default for a mesh: 15x15)", values.PAIR, "9x9"
     ),
     "pitch": Option(
-        "LENGTH", "distance between lenses in scene units (a mesh: 1 by default)", make_number(1e-9, 1e9), "0.5"
+        "LENGTH", "distance between lenses in scene units (default for a mesh: 1)", make_number(1e-9, 1e9), "0.5"
     ),
     "delta": Option(
         "TANGENT",
-        "pixel size / gap (a mesh: 0.4 / the larger count of pixels by default)",
+        "pixel size / gap (default for a mesh: 0.4 / the larger of the two numbers in --pixels)",
         make_number(1e-9, 1e9),
         "0.02",
     ),
     "parallax": Option(
         "DEGREES",
-        "the whole viewing angle, in place of --delta (a mesh: 22.6 by default)",
+        "the whole viewing angle, instead of --delta (default for a mesh: 22.6)",
         make_number(0.01, 170, "degrees such as 30"),
         "30",
     ),
     "pickup": Option(
         "NAME",
-        "virtual: elemental images are upright; optical: turned by 180 degrees (default: what a PNG that ciir wrote "
-        "says, else virtual)",
+        "virtual: elemental images are upright; optical: turned by 180 degrees (default: as stated in a PNG that ciir "
+        "wrote, else virtual)",
         make_name(get_args(Pickup)),
         "optical",
     ),
     "frame": Option(
         "N",
-        "the frame to read of a video of EIAs (with --lenses) or of quilts, from 0 (default 0)",
+        "the frame to read from a video of EIAs (with --lenses) or of quilts, counted from 0 (default 0)",
         make_integer(0, 999_999),
         "0",
     ),
     "arrangement": Option(
         "NAME",
-        "eia: a picture is an elemental image array; mosaic: it is views side by side, --pixels of them or each of "
-        "--lenses pixels; auto: a mosaic where it certainly is one (default auto)",
+        "eia: the picture is an elemental image array; mosaic: it shows views side by side, --pixels of them or each "
+        "of --lenses pixels; auto: take it as a mosaic only if it certainly is one (default auto)",
         make_name(get_args(Arrangement)),
         "mosaic",
     ),
     "crop": Option(
         "TOP,LEFT,BOTTOM,RIGHT",
-        "pixels of margin to cut off an elemental image array (default 0,0,0,0)",
+        "margins to cut off an elemental image array, in pixels (default 0,0,0,0)",
         values.MARGINS,
         "0,0,7,5",
     ),
     "order": Option(
         "NAME",
-        "auto: put a set of views right whose order is certainly wrong; given: keep the order; rows, columns: the "
-        "first number in the names of views, or the first index, is the row or the column; serpentine: every other row "
-        "of views is from right to left (default auto)",
+        "auto: correct the order of a set of views if it is certainly wrong; given: keep the order; rows, columns: the "
+        "first number in the views' names, or the first index, is the row or the column; serpentine: every other row "
+        "of views runs from right to left (default auto)",
         make_name(get_args(OrderCheck)),
         "columns",
     ),
@@ -78,16 +78,17 @@ READING = {
         make_name(get_args(Flip)),
         "v",
     ),
-    "transpose": Option("NAME", "yes: exchange rows and columns of views", make_switch(get_args(Switch)), "yes", "yes"),
+    "transpose": Option("NAME", "yes: swap rows and columns of views", make_switch(get_args(Switch)), "yes", "yes"),
     "depth_sense": Option(
         "NAME",
-        "what views count: cameras (near content moves to the left from one view to the next on the right) or lenses "
-        "(pixels under them: far content does); auto: as the file or its format says (default auto)",
+        "what the views' numbers count: cameras (near content moves to the left from one view to the next on the "
+        "right) or lenses (pixels under them; far content moves left); auto: as the file or its format says "
+        "(default auto)",
         make_name(("auto", *get_args(DepthSense))),
         "lenses",
     ),
 }
-"""By name, in the order of the help."""
+"""Options by name, in the order of the help."""
 
 
 @dataclass(frozen=True)

@@ -11,14 +11,15 @@ from ciir.errors import InvalidOption
 from ciir.service.pipeline.options.values import ANGLE, MOST_FRAMES, check_number, make_angles, make_form, write_number
 
 Rotation = tuple[float | tuple[float, float, int], float, float]
-"""Yaw, pitch and roll in degrees; several yaws as the first, the last and their count."""
+"""Yaw, pitch and roll in degrees. Several yaws are given as the first, the last and their count."""
 _YAWS = f"{ANGLE}:{ANGLE}:[1-9][0-9]{{0,3}}"
 _ANGLES = make_angles("YAW,PITCH,ROLL")
 
 
 def list_yaws(rotation: Rotation) -> tuple[float, ...]:
-    """The yaws in degrees: one, or evenly spaced ones with both ends. Of a full turn the last one is left out, since it
-    is the first one again.
+    """Lists the yaws in degrees: one, or evenly spaced ones including both ends.
+
+    For a full turn the last one is left out, because it equals the first.
     """
     yaw = rotation[0]
     if not isinstance(yaw, tuple):

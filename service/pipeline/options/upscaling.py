@@ -1,4 +1,4 @@
-"""Options of the output: which views, by which model, how large."""
+"""Options of the output: which views, which model, and how large."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ Skip = Literal["exact", "none"]
 
 
 AUTO, NO_MODEL = "auto", "none"
-"""Values of `model` beside the names of the catalogue: select the model; write views as they were made."""
+"""Values of `model` besides the names in the catalogue: select a model automatically, and write the views unchanged."""
 AUTO_MODEL = (
-    f"{LIGHT_FIELD_DEFAULT} for views of a grid of 3x3 and up (of a mesh: within the neighbour time), else {DEFAULT}; "
-    "their int8 twins where the processor supports them"
+    f"{LIGHT_FIELD_DEFAULT} for grids of 3x3 views and up (for a mesh: within the neighbour time), else {DEFAULT}; "
+    "their int8 twins if the processor supports them"
 )
-"""The rule of `auto` in words; `service.pipeline.planning.model_selection` applies it."""
+"""The rule of `auto` in words. `service.pipeline.planning.model_selection` applies it."""
 MAX_SCALE = 8
 
 UPSCALING = {
     "views": Option(
         "SPEC",
-        "center, cross, all, or pairs of row and column like '0,0;7,7' (default center)",
+        "views to make: center, cross, all, or pairs of row and column such as '0,0;7,7' (default center)",
         values.VIEWS,
         "cross",
     ),
     "model": Option(
         "NAME",
-        f"a model that `ciir models` lists, none to write views as they are, or auto: {AUTO_MODEL} (default auto)",
+        f"a model that `ciir models` lists; none to write views as they are; or auto: {AUTO_MODEL} (default auto)",
         values.TEXT,
         "auto",
     ),
@@ -52,7 +52,7 @@ UPSCALING = {
         "none",
     ),
 }
-"""By name, in the order of the help."""
+"""Options by name, in the order of the help."""
 
 
 @dataclass(frozen=True)

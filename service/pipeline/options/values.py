@@ -1,4 +1,4 @@
-"""The types of options' values: from text and from Python values, to text, and as JSON schema."""
+"""Types of option values: reading them from text and Python values, writing them as text, and their JSON schema."""
 
 from __future__ import annotations
 
@@ -18,37 +18,37 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 _MOST = 999_999
-"""The largest count that text or a sequence may hold."""
+"""The largest whole number allowed in text or in a sequence."""
 _VIEW = "[0-9]{1,6},[0-9]{1,6}"
 ANGLE = r"-?[0-9]{1,3}(\.[0-9]{1,6})?"
-"""Degrees below 1000, to a millionth, as a pattern."""
+"""A pattern for degrees below 1000, to a millionth."""
 MOST_FRAMES = 3600
-"""The largest count of times, or of yaws, that may be given."""
+"""The largest number of times, or of yaws, that can be given."""
 _SECONDS = r"[0-9]{1,6}(\.[0-9]{1,9})?"
 _COLOUR = "#?([0-9a-fA-F]{3}){1,2}|white|black"
 _NAMED_COLOURS = {"white": "fff", "black": "000"}
 _LONGEST_LABEL = 200
-"""Most characters of a name in a file."""
+"""Most characters allowed in a name from a file."""
 
 
 @dataclass(frozen=True)
 class ValueType:
-    """A type of values. All but `write` get the option's name for their messages, and raise `InvalidOption`."""
+    """A type of values. All functions except `write` get the option's name for messages and raise `InvalidOption`."""
 
     schema: dict[str, Any]
-    """JSON schema of a value's text; of a number, of the number. A form's field may be empty, which counts as not
-    sent."""
+    """JSON schema of a value's text, or of the number itself for a number. A field in a form may be empty, which counts
+    as not sent."""
     read: Callable[[str, str], Any]
-    """The value of a text."""
+    """Returns the value of a text."""
     convert: Callable[[Any], Any]
-    """The value of an object that is no text; raises any error for a wrong one."""
+    """Returns the value of an object that is not text. Raises any error for a wrong one."""
     needed: str
     """What `convert` takes, for messages."""
     write: Callable[[Any], str] = str
-    """The text of a value."""
+    """Returns the text of a value."""
 
     def parse(self, name: str, value: object) -> Any:
-        """The value of a text or of another object; numpy's scalars are taken as Python's."""
+        """Returns the value of a text or of another object. numpy scalars are taken as Python numbers."""
         if isinstance(value, str):
             return self.read(name, value)
         try:
@@ -60,7 +60,7 @@ class ValueType:
             raise InvalidOption(f"{name}: {given} is not understood; give {self.needed}") from error
 
     def check(self, name: str, value: Any) -> None:
-        """Raises `InvalidOption` for a value that is not among those, or not in the range, that `schema` names."""
+        """Raises `InvalidOption` for a value that is not in the list or the range of `schema`."""
         allowed = self.schema.get("enum")
         if allowed is not None and value is not None and value not in allowed:
             raise InvalidOption(f"{name}: {value[:40]!r} is not known; give {' or '.join(allowed)}")
@@ -71,7 +71,7 @@ class ValueType:
 
 
 def read_pair(name: str, text: str) -> tuple[int, int]:
-    """`5x7` as (5, 7), for the option `name`. Raises `InvalidOption`."""
+    """Parses `5x7` as (5, 7), for the option `name`. Raises `InvalidOption`."""
     match = re.fullmatch(r"\s*(\d{1,20})\s*[xX]\s*(\d{1,20})\s*", text)
     if match is None:
         raise InvalidOption(f"{name}: {text[:40]!r} is not understood; give rows x columns, such as 100x100")
@@ -83,7 +83,7 @@ def read_pair(name: str, text: str) -> tuple[int, int]:
     return counts
 
 
-def _read_text(name: str, text: str) -> str:  # noqa: ARG001 - all that read text share one signature
+def _read_text(name: str, text: str) -> str:  # noqa: ARG001 - all functions that read text share one signature
     return text.strip()
 
 
@@ -94,7 +94,7 @@ def _read_label(name: str, text: str) -> str:
 
 
 def _read_integer(name: str, text: str) -> int:
-    digits = text.strip()  # `int` alone takes less for white space than this and a pattern's \s do
+    digits = text.strip()  # `int` alone accepts less white space than `strip` and \s in a pattern
     if re.fullmatch(r"-?\d{1,20}", digits) is None:
         raise InvalidOption(f"{name}: {text[:40]!r} is not a whole number; give one such as 2")
     return int(digits)
@@ -102,7 +102,7 @@ def _read_integer(name: str, text: str) -> int:
 
 def _read_number(name: str, text: str) -> float:
     try:
-        return float(text.strip().replace("_", "x"))  # `float` would take 1_5 as 15
+        return float(text.strip().replace("_", "x"))  # `float` would read 1_5 as 15
     except ValueError as error:
         raise InvalidOption(f"{name}: {text[:40]!r} is not a number; give one such as 0.5") from error
 
@@ -154,7 +154,7 @@ def _parse_times(name: str, times: str) -> tuple[float, ...]:
 
 
 def _space_evenly(start: float, stop: float, count: int) -> tuple[float, ...]:
-    """`count` times from `start` to `stop`, both included, to a nanosecond."""
+    """Returns `count` times from `start` to `stop`, both included, to a nanosecond."""
     return tuple(round(float(time), 9) for time in np.linspace(start, stop, count))
 
 
@@ -172,7 +172,7 @@ def _write_times(times: tuple[float, ...]) -> str:
 
 
 def write_number(number: float, decimals: int = 6) -> str:
-    """`number` rounded to so many decimals, without zeros at its end."""
+    """Formats `number` with so many decimals, without trailing zeros."""
     return f"{number:.{decimals}f}".rstrip("0").rstrip(".")
 
 
@@ -185,10 +185,10 @@ def make_form(
     needed: str,
     write: Callable[[Any], str] = str,
 ) -> ValueType:
-    """Values whose text has the form `pattern`, where spaces around commas, colons and semicolons don't count.
+    """Makes a type of values whose text matches `pattern`, ignoring spaces around commas, colons and semicolons.
 
-    `form`: the same in words, for messages. `parse`: the value of an option's name and a text of that form. The others
-    are those of `ValueType`.
+    `form` describes the pattern in words, for messages. `parse` gets an option's name and a matching text, and returns
+    the value. The other arguments are those of `ValueType`.
     """
 
     def read(name: str, text: str) -> Any:
@@ -225,7 +225,7 @@ VIEW = make_form(
 )
 VIEWS = make_form(
     f"center|cross|all|{_VIEW}(;{_VIEW})*",
-    form="center, cross, all, or pairs like 0,0;7,7",
+    form="center, cross, all, or pairs such as 0,0;7,7",
     parse=lambda _, text: text,
     convert=_convert_views,
     needed="'center', 'cross', 'all', or pairs such as [(0, 0), (7, 7)]",
@@ -255,8 +255,10 @@ COLOUR = ValueType(
 
 
 def make_angles(names: str, limits: Sequence[float] = ()) -> ValueType:
-    """As many angles as `names` has, such as `YAW,PITCH,ROLL`: degrees below 1000 each, to a millionth. With `limits`
-    each is at most its limit, and at least the opposite of that.
+    """Makes a type for as many angles as `names` lists, such as `YAW,PITCH,ROLL`.
+
+    Each is in degrees, below 1000, to a millionth. With `limits`, the absolute value of each angle is at most its
+    limit.
     """
     count = names.count(",") + 1
     example = ",".join(["30", "-20", "0"][:count])
@@ -289,12 +291,12 @@ def make_angles(names: str, limits: Sequence[float] = ()) -> ValueType:
 
 
 def make_name(allowed: tuple[str, ...]) -> ValueType:
-    """One of the texts `allowed`."""
+    """Makes a type for one of the texts in `allowed`."""
     return ValueType({"type": "string", "enum": list(allowed)}, _read_text, _refuse, "text")
 
 
 def make_switch(allowed: tuple[str, str]) -> ValueType:
-    """As `make_name`; True stands for the first and False for the second."""
+    """Makes a type like `make_name`, in which True stands for the first name and False for the second."""
     return ValueType(
         {"type": "string", "enum": list(allowed)},
         _read_text,
@@ -304,7 +306,7 @@ def make_switch(allowed: tuple[str, str]) -> ValueType:
 
 
 def make_integer(least: int, most: int) -> ValueType:
-    """A whole number in a range."""
+    """Makes a type for whole numbers in a range."""
     return ValueType(
         {"type": "integer", "minimum": least, "maximum": most},
         _read_integer,
@@ -314,13 +316,13 @@ def make_integer(least: int, most: int) -> ValueType:
 
 
 def make_number(least: float, most: float, needed: str = "a number such as 0.5") -> ValueType:
-    """A number in a range."""
+    """Makes a type for numbers in a range."""
     schema = {"type": "number", "minimum": least, "maximum": most}
     return ValueType(schema, _read_number, lambda value: float(check_number(value)), needed)
 
 
 def check_number(value: Any) -> Any:
-    """Raises `TypeError` for True and False, which Python takes as 1 and 0."""
+    """Returns `value`. Raises `TypeError` for True and False, which Python takes as 1 and 0."""
     if isinstance(value, bool | np.bool_):
         raise TypeError
     return value

@@ -26,31 +26,31 @@ EPI = ValueType(
 WRITING = {
     "path": Option(
         "NAME",
-        "of the camera in a video: circle, sweep (left to right and back) or spiral (default circle)",
+        "path of the camera in a video: circle, sweep (left to right and back) or spiral (default circle)",
         make_name(get_args(PathName)),
         "sweep",
     ),
     "frames": Option("N", "frames of a video, 1 to 3600 (default 60)", make_integer(*map(int, RANGES["frames"])), "3"),
     "fps": Option(
         "RATE",
-        "frames per second of a video, 1 to 240 (default 30; with several times: as they pass)",
+        "frames per second of a video, 1 to 240 (default 30; for several times: their own rate)",
         make_number(*RANGES["fps"]),
         "25",
     ),
     "epi": Option(
         "LINE",
-        "format epi: a row y=120 of the views, or a column x=80; with v or u: of the views of that row or column "
-        "(default the middle row of the centre view)",
+        "format epi: a row of the views such as y=120, or a column such as x=80; with ,v= or ,u= added, in the views "
+        "of that row or column (default: the middle row of the centre view)",
         EPI,
         "y=3",
     ),
 }
-"""By name, in the order of the help."""
+"""Options by name, in the order of the help."""
 
 
 @dataclass(frozen=True)
 class WritingOptions(DisplayOptions):
-    """Values of the options in `WRITING`, and of those of pictures for displays."""
+    """Values of the options in `WRITING` and `DISPLAYS`."""
 
     path: PathName = "circle"
     frames: int = 60
@@ -58,6 +58,6 @@ class WritingOptions(DisplayOptions):
     epi: str = ""
 
     def make_writer_options(self, suffix: str = "") -> WriterOptions:
-        """What a writer gets. `suffix`: of the output's name."""
+        """Makes the options for a writer. `suffix` is that of the output's name."""
         given = {field.name: getattr(self, field.name) for field in fields(WritingOptions)}
         return WriterOptions(suffix, **{name: value for name, value in given.items() if value is not None})

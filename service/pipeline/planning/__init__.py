@@ -1,1 +1,1 @@
-"""Decides how a job is done: the strategy, the backend and the model, by what each is predicted to cost."""
+"""Decides how a job is done: its strategy, backend and model, based on the predicted cost of each."""

@@ -1,8 +1,8 @@
 """Predicts how long this machine takes to render, upscale and write views, for `auto`.
 
-Times are linear in triangles, rays, pixels and views. One short run of each backend and of each network, when a
-prediction first needs it, scales typical coefficients to this machine; the results are kept in the cache folder.
-Predictions that need not be exact take the typical coefficients where there is no measurement yet.
+Times are linear in triangles, rays, pixels and views. Typical coefficients are scaled to this machine by one short run
+of each backend and of each network, when a prediction first needs it. The results are kept in the cache folder.
+Predictions that need not be exact use the typical coefficients if there is no measurement yet.
 """
 
 from __future__ import annotations
@@ -36,50 +36,50 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 JOB_MS, OPENGL_START_MS, NETWORK_START_MS = 2.0, 200.0, 60.0
-"""Of any job; of the first view by OpenGL and of the first network in a process: typical, not measured."""
+"""Cost of any job, of the first view by OpenGL, and of the first network in a process. Typical values, not measured."""
 PLACE_MS, LOOK_MS, HIT = 1e-4, 3.3e-5, 1.25
-"""Culling: for each triangle, and for each triangle in each view; how many triangles it leaves for each ray."""
+"""Culling: cost for each triangle, and for each triangle in each view; triangles that remain for each ray."""
 WRITE_MS = 1.2e-5
-"""For each pixel of a PNG."""
+"""Cost for each pixel of a PNG."""
 VIEW_PIXELS, CALL_PIXELS = 200, 600
-"""Pixels that take a network as long as a view and a call do beside their pixels."""
+"""Fixed costs of a network, in pixels that take as long: for each view, and for each call."""
 SIDE, VIEWS = 64, 7
-"""Pixels along a side of the views that a measurement makes, and their number."""
+"""Pixels along a side of the views in a measurement, and the number of views."""
 ROUNDS, LEAST_MS = 5, 100.0
-"""A measurement has at least so many rounds and takes at least so long."""
+"""The least number of rounds of a measurement, and its least duration."""
 TYPICAL_MAC_MS = {"float32": 2e-8, "int8": 1e-8}
-"""A multiply-add of a network, by its precision, on a typical machine."""
+"""Cost of a network's multiply-add on a typical machine, by precision."""
 TYPICAL_INTERPOLATION_MS = 1e-4
-"""A pixel that is interpolated."""
+"""Cost of one interpolated pixel."""
 
 
 class Stage(NamedTuple):
     """Milliseconds of a stage of the pipeline."""
 
     once: float
-    """Before its first view."""
+    """Time before its first view."""
     views: float
-    """For all views, while no other stage runs."""
+    """Time for all views, while no other stage runs."""
     cores: int = 1
-    """Cores that it keeps busy."""
+    """Number of cores that it keeps busy."""
 
 
 class Rendering(NamedTuple):
-    """Views of a new scene, with so many rays each."""
+    """Views of a new scene, with `rays` rays each."""
 
     backend: str
     triangles: int
     rays: int
     views: int
     texels: int = 0
-    """Of all textures."""
+    """Texels in all textures."""
     textured: float = 0.0
     """Share of the triangles that have a texture."""
     culls: bool = False
-    """Whether triangles that no ray meets are left out where that pays."""
+    """Whether triangles that no ray hits are left out when that saves time."""
 
     def typical(self) -> Stage:
-        """Its cost on a typical machine."""
+        """Returns its cost on a typical machine."""
         triangles, looking = self.triangles, 0.0
         if self.culls and culling.is_worthwhile(self.backend, triangles=triangles, rays=self.rays, views=self.views):
             looking = triangles * (PLACE_MS + self.views * LOOK_MS)
@@ -93,8 +93,11 @@ class Rendering(NamedTuple):
 
 
 def total(stages: Sequence[Stage], written: int, batches: int) -> float:
-    """Milliseconds of a job that writes so many pixels. Its first batch goes through all stages; each further one takes
-    as long as the slowest stage, or as the work of all stages shared among the cores."""
+    """Returns the milliseconds of a job that writes `written` pixels.
+
+    Its first batch goes through all stages. Each further batch takes as long as the slowest stage, or as the work of
+    all stages shared among the cores.
+    """
     stages = [*stages, Stage(0.0, written * WRITE_MS)]
     spent = [stage.views for stage in stages]
     slowest = max(*spent, sum(stage.views * stage.cores for stage in stages) / count_available_cores())
@@ -102,26 +105,28 @@ def total(stages: Sequence[Stage], written: int, batches: int) -> float:
 
 
 class Costs:
-    """Costs on this machine; safe to use from several threads."""
+    """Costs on this machine. Safe to use from several threads."""
 
     def __init__(self, path: Path | None, *, measure: bool = True) -> None:
-        """`path`: the file that keeps measurements; None keeps them in memory. `measure`: whether to measure what the
-        file lacks; else typical costs stand for it.
+        """Reads the kept measurements.
+
+        `path`: the file that keeps measurements, or None to keep them in memory. `measure`: whether to measure what the
+        file lacks; otherwise typical costs are used instead.
         """
         self._path, self._lock, self._measured, self._measures = path, threading.RLock(), _read(path), measure
         is_kept = path is not None or cache_folder.is_read_only
         self.not_kept = "" if is_kept else "there is no cache folder; set CIIR_CACHE"
-        """Why measurements are not kept in the file; empty where they are."""
+        """Why measurements are not kept in the file; empty if they are."""
 
     def rendering(self, views: Rendering) -> Stage:
-        """Cost of rendering. OpenGL is not started only to be measured."""
+        """Returns the cost of rendering. OpenGL is never started only for a measurement."""
         typical, name = views.typical(), f"{views.backend}; {machine()}"
         starts = views.backend == "raster" and not backends.is_backend_open("raster")
         factor = 1.0 if starts and name not in self._measured else self._get(name, lambda: _factor(views.backend), 1.0)
         return Stage(factor * typical.once + OPENGL_START_MS * starts, factor * typical.views)
 
     def upscaling(self, model: str, scale: int, *, pixels: int, views: int, batches: int) -> Stage:
-        """Cost of `views` in `batches`, `pixels` of each given to a model of the catalogue."""
+        """Returns the cost of `views` views in `batches` batches, with `pixels` pixels of each given to that model."""
         card = catalogue.get_entry(model).card
         name = f"{model} x{scale}, {'interpolation' if card is None else card.sha256[:12]}; {machine()}"
         work = VIEWS * (SIDE**2 + VIEW_PIXELS) + CALL_PIXELS
@@ -140,7 +145,7 @@ class Costs:
                 self._measured[name] = measured()
                 try:
                     self._write()
-                except (OSError, ValueError) as error:  # ValueError: `replacing`, where the folder is none
+                except (OSError, ValueError) as error:  # ValueError: from `replacing`, if the folder is not one
                     self.not_kept = f"{self._path} can't be written ({error})"
             return self._measured[name]
 
@@ -153,21 +158,21 @@ class Costs:
 
 @cache
 def costs(*, measure: bool = True) -> Costs:
-    """This process's costs, kept in the cache folder. `measure`: as of `Costs`."""
+    """Returns this process's costs, which are kept in the cache folder. `measure` is the same as in `Costs`."""
     folder = cache_folder.folder()
     return Costs(None if folder is None else folder / cache_folder.COSTS, measure=measure)
 
 
 @cache
 def machine() -> str:
-    """What measurements hold for: processor, cores and versions."""
+    """Describes what measurements are valid for: processor, cores and versions."""
     packages = ", ".join(f"{name} {version(name)}" for name in ("ciir", "numpy", "onnxruntime", "embreex", "pyrender"))
     cores = count_available_cores()
     return f"{processor.processor_name()}, {cores} cores, Python {platform.python_version()}, {packages}"
 
 
 def _read(path: Path | None) -> dict[str, float]:
-    """The measurements in a file, without damaged ones."""
+    """Reads the measurements in a file, without damaged ones."""
     try:
         content = json.loads(path.read_bytes()) if path is not None else {}
         return {name: ms for name, ms in content.items() if isinstance(ms, float) and 0 < ms < math.inf}
@@ -176,7 +181,7 @@ def _read(path: Path | None) -> dict[str, float]:
 
 
 def measure(run: Callable[[], object]) -> float:
-    """Milliseconds of `run` beside no other work: its least processor time over the most cores that a round used."""
+    """Measures the milliseconds of `run` without other work: least processor time over the most cores of a round."""
     run()
     spent: list[float] = []
     busy = 1.0
@@ -189,7 +194,7 @@ def measure(run: Callable[[], object]) -> float:
 
 
 def _factor(backend: str) -> float:
-    """By how many times a backend is slower here than is typical."""
+    """Measures how many times slower a backend is here than on a typical machine."""
     renderer, mesh, views = backends.open_backend(backend)[0], load_scene("vase"), [(0, 0), (1, 1), (2, 2)]
     array = LensArray(SIDE, SIDE, 3, 3, 1.0, 0.05)
     matrix = frame_scene(mesh, array)
@@ -199,7 +204,10 @@ def _factor(backend: str) -> float:
 
 
 def _upscaler(model: str, scale: int) -> Callable[[], object]:
-    """What upscales views of noise, alike but for a pixel: those of a light field match, and nothing is skipped."""
+    """Returns a function that upscales views of noise.
+
+    The views are the same except for one pixel: those of a light field match, and nothing is skipped.
+    """
     pictures = np.tile(np.random.default_rng(0).integers(0, 256, (SIDE, SIDE, 3), np.uint8), (49, 1, 1, 1))
     pictures[:, 0, 0, 0] = np.arange(49)
     if model in catalogue.list_single_image_names():
@@ -208,5 +216,5 @@ def _upscaler(model: str, scale: int) -> Callable[[], object]:
     network = catalogue.load_light_field_network(model, scale=scale)
     fallback = catalogue.load_upscaler(catalogue.prefer_int8(catalogue.FALLBACK), scale=scale)
     views = dict(zip(np.ndindex(7, 7), pictures, strict=True))
-    wanted = [(2 + number // 3, 2 + number % 3) for number in range(VIEWS)]  # their windows are whole
+    wanted = [(2 + number // 3, 2 + number % 3) for number in range(VIEWS)]  # their windows are complete
     return lambda: upscale_views(network, fallback, views, wanted, (7, 7))

@@ -25,24 +25,23 @@ class Selection:
     model: str
     """A name of the catalogue, or `none`."""
     is_light_field: bool = False
-    """Whether it takes a view with those around it."""
+    """Whether it takes a view together with its neighbours."""
     view_windows: ViewWindows | None = None
-    """Those that are rendered around a mesh's views; None where windows are of the lens array's views."""
+    """The windows rendered around a mesh's views; None if windows consist of the lens array's own views."""
     reasons: tuple[str, ...] = ()
     """Sentences for the report."""
     note: str = ""
-    """What the user should know of it; empty for nothing."""
+    """A note for the user; empty if there is none."""
 
 
 def select_model(job: Job) -> Selection:
-    """The model for `job`.
+    """Selects the model for `job`.
 
-    `auto` takes the default light-field network, which is the more accurate one on all grids that it takes
-    (docs/accuracy.md), unless something speaks against it, else the default network of single pictures; both are int8
-    networks where the processor supports them. For a light-field
-    network a mesh's neighbouring views are rendered: `auto` has that done where the whole job is predicted to take at
-    most `job.neighbour_time` longer. Where views can't help each other, the default of single pictures replaces a
-    light-field network.
+    `auto` takes the default light-field network, which is more accurate on all grids that it takes (docs/accuracy.md).
+    If there is a reason against it, `auto` takes the default network for single pictures. Both are int8 networks if the
+    processor supports them. For a light-field network, a mesh's neighbouring views have to be rendered: `auto` does
+    that if the whole job is predicted to take at most `job.neighbour_time` longer. If views can't help each other, the
+    default for single pictures replaces a light-field network.
     """
     if job.model == NO_MODEL:
         return Selection(NO_MODEL)
@@ -67,7 +66,7 @@ def select_model(job: Job) -> Selection:
 
 
 def _select_automatically(job: Job, networks: dict[str, Entry]) -> Selection:
-    """The model that `auto` takes, of the installed `networks` by name."""
+    """Selects the model for `auto` from the installed `networks`, by name."""
     default, light_field = catalogue.default_name(), catalogue.light_field_default_name()
     reason, rendered = _reason_against(light_field, networks.get(light_field), job), ""
     view_windows = None
@@ -87,7 +86,7 @@ def _select_automatically(job: Job, networks: dict[str, Entry]) -> Selection:
 
 
 def _describe_precision(network: Entry) -> str:
-    """Why `auto` takes `network` in its precision."""
+    """Says why `auto` takes `network` in its precision."""
     if network.card is not None and network.card.precision == "int8":
         return "; in int8, which this processor supports"
     against = processor.int8_unsupported_reason()
@@ -95,10 +94,10 @@ def _describe_precision(network: Entry) -> str:
 
 
 def _describe_stride(job: Job) -> str:
-    """Which views of a light field help each, where it isn't the nearest."""
+    """Says which views of a light field help each other, if they are not the nearest."""
     if job.mesh is not None or job.arrangement.stride == 1:
         return ""
-    return f"those {job.arrangement.stride} apart do, as content moves by little from one to the next"
+    return f"views {job.arrangement.stride} apart are used, as content moves little from one to the next"
 
 
 def _views(job: Job) -> str:
@@ -106,7 +105,7 @@ def _views(job: Job) -> str:
 
 
 def _no_light_field(job: Job) -> str:
-    """Why the views of `job` can't help each other; empty where they can."""
+    """Says why the views of `job` can't help each other; empty if they can."""
     if min(job.grid) < MINIMUM_GRID:
         return f"{_views(job)} are fewer than the {MINIMUM_GRID}x{MINIMUM_GRID} that a light-field network needs"
     if job.is_transparent:
@@ -115,21 +114,22 @@ def _no_light_field(job: Job) -> str:
 
 
 def _describe_wrong_order(job: Job) -> str:
-    """The note on views in a certainly wrong order; empty where they are not in one."""
+    """Returns the note on views that are certainly in a wrong order; empty if they are not."""
     order = job.order
     if order is None or not order.is_wrong:
         return ""
     return (
         f"order: the views seem to be {order}, which fits {order.votes} of {order.of} textured tiles: each view is "
-        "upscaled with those around it in the right order, and written where it was; if they are in order, give order "
+        "upscaled with its neighbours in the right order, and written where it was; if the order is right, give order "
         "given (in Python is_ordered=True)"
     )
 
 
 def _find_view_windows(job: Job, mesh: Scene, light_field: Entry, single: Entry) -> tuple[ViewWindows | None, str]:
-    """The windows of views to render around those of `mesh`, and what they cost; None where that is too much, and for
-    several frames, which are framed together after this. Nor is anything predicted for a network that can't run, whose
-    error names the remedy later.
+    """Returns the windows of views to render around those of `mesh`, and a description of their cost.
+
+    Returns None if that costs too much, and for several frames, which are framed together later. Nothing is predicted
+    for a network that can't run either; its error names the remedy later.
     """
     can_run = job.scale in light_field.scales and not light_field.unsupported_reason
     is_considered = can_run and job.frames == 1 and job.neighbour_time > 0
@@ -143,8 +143,9 @@ def _find_view_windows(job: Job, mesh: Scene, light_field: Entry, single: Entry)
 def _judge_neighbours(
     job: Job, mesh: Scene, light_field: Entry, single: Entry, view_windows: ViewWindows | None
 ) -> tuple[str, str]:
-    """Why the views around those of `mesh` that are wanted are not rendered for `light_field`, empty where they are;
-    and what that costs, empty where there are none.
+    """Returns why the neighbours of the wanted views of `mesh` are not rendered for `light_field`, and what they cost.
+
+    The reason is empty if they are rendered; the cost is empty if there are no neighbours.
     """
     neighbours = count_rendered(job, view_windows) - len(job.wanted)
     if not neighbours:
@@ -163,13 +164,13 @@ def _judge_neighbours(
 
 
 def _count_excess(job: Job, neighbours: int) -> int:
-    """Samples by which the views that are wanted and so many more are over the job's limit; 0 where they aren't."""
+    """Returns by how many samples the wanted views and `neighbours` more exceed the job's limit; 0 if they don't."""
     samples = (len(job.wanted) + neighbours) * job.array.rows * job.array.cols * job.samples**2
     return 0 if job.max_pixels is None else max(0, samples - job.max_pixels)
 
 
 def _reason_against(name: str, network: Entry | None, job: Job) -> str:
-    """Why `auto` doesn't take `network`, the light-field model `name`, for such views; empty where it may."""
+    """Says why `auto` doesn't take `network`, the light-field model `name`, for these views; empty if it can."""
     if network is None:
         return f"{name} is not installed"
     if reason := _no_light_field(job):

@@ -1,4 +1,4 @@
-"""Plans a reconstruction: the strategy and the model, and why, before any view is made."""
+"""Plans a reconstruction before any view is made: the strategy, the model, and the reasons for them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Plan:
     """How a job will be done."""
 
     strategy: Strategy
-    """`upscale` views by the model, or render a mesh at the larger size (`direct`)."""
+    """`upscale` upscales views with the model; `direct` renders a mesh at the larger size."""
     model: str
     """A name of the catalogue, or `none`."""
     scale: int
@@ -38,19 +38,19 @@ class Plan:
     reasons: tuple[str, ...] = ()
     """Sentences for the report."""
     is_light_field: bool = False
-    """Whether the model takes a view with those around it."""
+    """Whether the model takes a view together with its neighbours."""
     restores_means: bool = False
     """Whether upscaled views are brought closer to the means that lenslets saw (`models.back_projection`)."""
     finds_sampling: bool = False
-    """Whether a light-field network's views may be filtered or means (`models.light_field.sampling`)."""
+    """Whether to find out if a light-field network's views are filtered or means (`models.light_field.sampling`)."""
     view_windows: ViewWindows | None = None
-    """Those that are rendered around a mesh's views; None where windows are of the lens array's views."""
+    """The windows rendered around a mesh's views; None if windows consist of the lens array's own views."""
     notes: tuple[str, ...] = ()
-    """What the user should know: of the model that was selected, and of an option that changes nothing."""
+    """Notes for the user on the selected model, and on options that change nothing."""
 
 
 def make_plan(job: Job) -> Plan:
-    """The plan for `job`. Raises `UnsupportedScale` where its model doesn't upscale by its scale."""
+    """Makes the plan for `job`. Raises `UnsupportedScale` if its model doesn't upscale by its scale."""
     reasons: list[str] = []
     strategy: Strategy = "direct" if job.strategy == "direct" else "upscale"
     if job.strategy == "auto":
@@ -92,7 +92,7 @@ def make_plan(job: Job) -> Plan:
 
 
 def _check_scale(job: Job, model: Entry) -> None:
-    """Raises `UnsupportedScale`, with a remedy for the kind of input, where `model` doesn't upscale by the scale."""
+    """Raises `UnsupportedScale`, with a remedy for the kind of input, if `model` doesn't upscale by the scale."""
     if job.scale in model.scales:
         return
     given = f"scale: {model.name} upscales by {', '.join(map(str, model.scales))}, not {job.scale}"
@@ -100,17 +100,17 @@ def _check_scale(job: Job, model: Entry) -> None:
         raise UnsupportedScale(f"{given}; give model none for views that are not upscaled")
     if job.mesh is not None:
         raise UnsupportedScale(f"{given}; give strategy direct, which renders the mesh that large, or model bicubic")
-    raise UnsupportedScale(f"{given}; give that, or model bicubic")
+    raise UnsupportedScale(f"{given}; give a supported scale, or model bicubic")
 
 
 def _select_strategy(job: Job) -> tuple[Strategy, str]:
-    """The strategy that `auto` takes, and why: of those that are possible the one that is predicted to be faster.
+    """Selects the strategy for `auto`, and says why: of the possible ones, the one predicted to be faster.
 
-    OpenGL is started only where the faster one would start it; where it does not work, rays are predicted instead.
+    OpenGL is started only if the faster strategy would start it. If it does not work, ray tracing is predicted instead.
     """
     mesh = job.mesh
     if job.model == NO_MODEL:
-        return "upscale", "no model is wanted, so nothing is upscaled"
+        return "upscale", "the model is none, so nothing is upscaled"
     if mesh is None:
         return "upscale", "the input holds pictures, so views are upscaled"
     selected = select_model(job)
@@ -136,7 +136,7 @@ def _select_strategy(job: Job) -> tuple[Strategy, str]:
         job.backend, triangles=mesh.triangles, rays=rays[taken], is_see_through=mesh.is_see_through
     )
     if backend == "raster" and not backends.is_backend_open("raster"):
-        with suppress(BackendUnavailable):  # `predict_backend` then takes rays
+        with suppress(BackendUnavailable):  # `predict_backend` then predicts ray tracing
             backends.open_backend("raster")
         predicted = predict_times(job, mesh, model, rays, selected.view_windows)
         taken = min(predicted, key=predicted.__getitem__)

@@ -1,4 +1,4 @@
-"""Predicts how long a job takes by each strategy and network."""
+"""Predicts how long a job takes with each strategy and network."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.stages.view_windows import ViewWindows
 
 UNSURE = 3.0
-"""Within this factor of a bound, typical costs don't decide, and this machine is measured."""
+"""Within this factor of a bound, typical costs don't decide; this machine is measured instead."""
 
 
 def count_rendered(job: Job, view_windows: ViewWindows | None = None) -> int:
-    """How many views a light-field network needs of a mesh: those that are wanted and those around them."""
+    """Counts the views of a mesh that a light-field network needs: the wanted ones and their neighbours."""
     if view_windows is None:
         return len(list_required_views(job.wanted, job.grid))
     return len(list_required_views([*map(view_windows.find_place, job.wanted)], view_windows.list_grid(job.grid)))
@@ -41,7 +41,7 @@ def count_rendered(job: Job, view_windows: ViewWindows | None = None) -> int:
 def predict_times(
     job: Job, mesh: Scene, model: Entry, rays: dict[Strategy, int], view_windows: ViewWindows | None
 ) -> dict[Strategy, float]:
-    """Milliseconds from the mesh to encoded views for each strategy, with so many rays for each view."""
+    """Returns the milliseconds from the mesh to encoded views for each strategy, with `rays` rays for each view."""
     costs, wanted = cost.costs(), len(job.wanted)
     return {
         "upscale": _predict_with_model(job, mesh, model, rays["upscale"], costs=costs, view_windows=view_windows),
@@ -50,8 +50,9 @@ def predict_times(
 
 
 def predict_plan(job: Job, plan: Plan) -> float:
-    """Milliseconds from the opened input to encoded views. Nothing is measured for it: typical costs stand for what is
-    not known of this machine.
+    """Predicts the milliseconds from the opened input to encoded views.
+
+    Nothing is measured for it: typical costs are used for anything not known about this machine.
     """
     costs, wanted, pixels = cost.costs(measure=False), len(job.wanted), job.array.rows * job.array.cols
     stages: list[cost.Stage] = []
@@ -68,9 +69,10 @@ def predict_plan(job: Job, plan: Plan) -> float:
 def predict_extra(
     job: Job, mesh: Scene, light_field: Entry, single: Entry, view_windows: ViewWindows | None, *, bound: float
 ) -> float:
-    """Milliseconds that the views of `mesh` take longer by the network `light_field`, the views around them rendered,
-    than by `single`. Typical costs are taken where they leave no question whether that is over `bound` milliseconds:
-    they need no measurement.
+    """Predicts how many milliseconds more the views of `mesh` take with the network `light_field` than with `single`.
+
+    That includes rendering the neighbouring views. Typical costs, which need no measurement, are used if they leave no
+    doubt whether the result is over `bound` milliseconds.
     """
     rays = job.array.rows * job.array.cols * job.samples**2
     extra = 0.0
@@ -89,7 +91,7 @@ def predict_extra(
 def _predict_with_model(
     job: Job, mesh: Scene, model: Entry, rays: int, *, costs: Costs, view_windows: ViewWindows | None
 ) -> float:
-    """Milliseconds of the job where `model` upscales its views."""
+    """Predicts the milliseconds of the job if `model` upscales its views."""
     rendered = count_rendered(job, view_windows) if model.is_light_field else len(job.wanted)
     upscaling = _predict_upscaling(job, model, costs)
     return _total(job, [_predict_rendering(job, mesh, rays, rendered, costs), upscaling], job.scale)
@@ -121,7 +123,7 @@ def _predict_rendering(job: Job, mesh: Scene, rays: int, views: int, costs: Cost
 
 
 def _total(job: Job, stages: list[cost.Stage], scale: int) -> float:
-    """Milliseconds of the job with such stages before its views are written."""
+    """Returns the milliseconds of the job, given its stages before views are written."""
     written = len(job.wanted) * job.array.rows * job.array.cols * scale**2
     return cost.total(stages, written, _count_batches(job, scale))
 
@@ -131,13 +133,14 @@ def _count_batches(job: Job, scale: int) -> int:
 
 
 def _predict_share(mesh: Scene, array: LensArray, placement: Placement, card: Card) -> float:
-    """The share of a view's pixels that a network has to compute, roughly: the box around the framed object, the pixels
-    that it changes, and those that they need.
+    """Estimates the share of a view's pixels that a network has to compute.
+
+    These are the pixels in the box around the framed object, the pixels that it changes, and those that they need.
     """
-    sides = np.abs(placement.rotation()) @ np.ptp(mesh.bounds(), axis=0)  # of the rotated box
+    sides = np.abs(placement.rotation()) @ np.ptp(mesh.bounds(), axis=0)  # sides of the rotated box
     lenses = np.array([array.cols, array.rows])
     reach = np.array([np.abs(array.tangent_x()).max(), np.abs(array.tangent_y()).max()])
-    middle = abs(placement.place) * (sides[2] / 2 + CLEARANCE * sides.max())  # its distance, as `frame_scene` has it
+    middle = abs(placement.place) * (sides[2] / 2 + CLEARANCE * sides.max())  # its distance, as in `frame_scene`
     swept = sides[:2] + 2 * reach * middle
     fitted = 1 / array.pitch if placement.fit == "none" else (FILL * lenses / np.maximum(swept, 1e-300)).min()
     scale = placement.zoom * fitted

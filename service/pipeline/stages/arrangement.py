@@ -1,4 +1,4 @@
-"""Which views of a light field lie around which, where they were given in a wrong order too."""
+"""Which views of a light field are neighbours, even if they were given in a wrong order."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Arrangement:
-    """Where the views (v, u) that were given lie in the right order."""
+    """The places of the given views (v, u) in the right order."""
 
     grid: tuple[int, int]
     """Views down and across, (V, U), in the right order."""
     places: Mapping[View, View] | None = None
-    """The view that was given -> its place in the right order; None where that is the same one."""
+    """The view as given -> its place in the right order; None if they are the same."""
     stride: int = 1
-    """Windows are of every so many-th view."""
+    """Windows consist of every `stride`-th view."""
 
     def find_place(self, view: View) -> View:
-        """The place of the view that was given as `view`."""
+        """Returns the place of the view that was given as `view`."""
         return view if self.places is None else self.places[view]
 
     def list_required(self, wanted: Sequence[View]) -> list[View]:
-        """Every view, as it was given, of the windows around `wanted`."""
+        """Lists every view, as given, in the windows around `wanted`."""
         if self.places is None:
             return list_spaced_views(wanted, self.grid, self.stride)
         given = {place: view for view, place in self.places.items()}
@@ -42,10 +42,10 @@ class Arrangement:
 
 
 def arrange_views(grid: tuple[int, int], order: OrderEstimate | None) -> Arrangement:
-    """The arrangement of `grid` views that were given in `order`; the right one where that is None or not certain.
+    """Returns the arrangement of `grid` views that were given in `order`.
 
-    Where one axis is reversed, both readings of it have the same views around each, with depth inverted, and upscaled
-    views differ by little: by up to 21 levels at edges.
+    If the order is None or not certain, it is taken to be right. If one axis is reversed, both readings of it give each
+    view the same neighbours, with depth inverted, and upscaled views differ little: by up to 21 levels at edges.
     """
     if order is None or not order.is_wrong:
         return Arrangement(grid)

@@ -1,4 +1,4 @@
-"""Batches of views on their way through the stages: made, then upscaled."""
+"""Takes batches of views through the stages: made, then upscaled."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def make_views(views: ViewSource, batches: Sequence[Batch]) -> Generator[tuple[Batch, list[Pixels]]]:
-    """Each batch with its new views."""
+    """Yields each batch with its new views."""
     pictures = views.make_views([view for batch in batches for view in batch.new])
     for batch in batches:
         yield batch, views.take_views(pictures, len(batch.new))
@@ -34,8 +34,7 @@ def upscale_batches(
     clock: Clock,
     statistics: SkipStatistics,
 ) -> Generator[tuple[Sequence[View], Iterable[Pixels], list[Finishing]]]:
-    """Each batch's wanted views, the pictures that are written of them, and how each was finished after a light-field
-    network."""
+    """Yields each batch's wanted views, their pictures, and how each was finished after a light-field network."""
     kept: dict[View, Pixels] = {}
     with closing(made), opening as wait:
         for batch, new in made:

@@ -1,4 +1,4 @@
-"""One view of a mesh at several times or yaws, given to a writer as frames."""
+"""Passes one view of a mesh at several times or yaws to a writer as frames."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class FrameWriter(Writer):
-    """Passes the view of one reconstruction after the other to `writer`: the picture of each of `times`."""
+    """Passes the view of one reconstruction after another to `writer`, as the pictures for `times`."""
 
     def __init__(self, writer: Writer, times: tuple[float, ...]) -> None:
         self._writer, self._times = writer, times
@@ -38,11 +38,11 @@ class FrameWriter(Writer):
         return self._writer.write((0, self._done - 1), pixels)
 
     def finish(self, report: dict[str, Any]) -> None:
-        """Adds nothing: the report is of all frames."""
+        """Does nothing: the report covers all frames."""
 
 
 def join_reports(reports: Sequence[Report], moments: Sequence[Moment]) -> Report:
-    """The report of all frames: the first one's, with each one's picture and notes that differ by more than numbers."""
+    """Joins the reports: the first one, with each frame's picture and the notes that differ in more than numbers."""
     notes: dict[str, str] = {}
     for report in reports:
         for note in report["notes"]:

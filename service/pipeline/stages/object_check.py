@@ -11,13 +11,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DIFFERENCE = 16
-"""Levels of 8 bits by which a pixel that stands out differs from the background, in some channel."""
+"""Levels of 8 bits by which a pixel must differ from the background, in some channel, to stand out."""
 LEAST_SHARE = 0.05
-"""Share of the object's pixels that stand out in a picture that needs no note."""
+"""Share of the object's pixels that must stand out in some picture, or a note is written."""
 
 
 class ObjectCheck:
-    """Counts how much of an object stands out from the background, until a picture leaves no question."""
+    """Counts how much of an object stands out from the background, until a picture leaves no doubt."""
 
     def __init__(self, background: tuple[int, int, int], *, hides_backs: bool = False) -> None:
         """`hides_backs`: whether some of the object's materials hide the backs of their faces."""
@@ -33,7 +33,7 @@ class ObjectCheck:
             self.count(picture)
 
     def count(self, picture: NDArray[np.uint8]) -> None:
-        """As `add`, whatever was counted: the order of pictures doesn't matter, nor the thread."""
+        """Counts a picture like `add`, whatever was counted before: neither order nor thread matters."""
         covered = picture[..., 3] > 0
         stands_out = np.zeros_like(covered)
         for channel, (low, high) in enumerate(zip(self._low, self._high, strict=True)):  # an axis of three is slow
@@ -43,18 +43,18 @@ class ObjectCheck:
             self._outstanding += int(np.count_nonzero(stands_out & covered))
 
     def list_notes(self) -> list[str]:
-        """A note where no picture showed the object, or it hardly stands out."""
+        """Returns a note if no picture showed the object, or if it hardly stands out."""
         if not self._covered:
-            cause = "it is smaller than a pixel, edge-on, or beside them"
+            cause = "it is smaller than a pixel, edge-on, or outside them"
             remedy = "give another rotate, zoom or delta, more lenses, or other views"
             if self._hides_backs:
-                cause += ", or only backs are seen, which its materials hide"
+                cause += ", or only back faces are seen, which its materials hide"
                 remedy += ", or make the materials double-sided"
-            return [f"no view that was asked for shows the object: {cause}; {remedy}"]
+            return [f"none of the requested views shows the object: {cause}; {remedy}"]
         if self._outstanding > LEAST_SHARE * self._covered:
             return []
         given = "{:02x}{:02x}{:02x}".format(*self._background)
         other = "ffffff" if sum(self._background) < 3 * 128 else "000000"
         share = f"{100 * self._outstanding / self._covered:.1f} % of its pixels"
         note = f"the object hardly stands out from the background {given}: {share} differ by over {DIFFERENCE} levels"
-        return [f"{note}; give another, as in background {other}"]
+        return [f"{note}; give another one, such as background {other}"]

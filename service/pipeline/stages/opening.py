@@ -19,10 +19,11 @@ if TYPE_CHECKING:
 
 @contextmanager
 def open_session(plan: Plan, *, views: int, pixels: int) -> Iterator[Callable[[], object]]:
-    """Opens the session that one view of so many `pixels` needs of `plan.model` in a thread, which ends with this
-    context; it takes 30 to 100 ms. The value is a function that waits until it is open, and raises its error.
+    """Opens the session that `plan.model` needs for one view of `pixels` pixels, which takes 30 to 100 ms.
 
-    `views`: how many are upscaled. For several nothing is opened: they may need sessions on one core each.
+    This happens in a thread that ends with this context. Yields a function that waits until the session is open, and
+    raises its error. `views`: how many are upscaled. For several, nothing is opened, because they may need sessions on
+    one core each.
     """
     load = catalogue.load_light_field_network if plan.is_light_field else catalogue.load_upscaler
     model = load(plan.model, scale=plan.scale) if views == 1 and plan.model != NO_MODEL else None

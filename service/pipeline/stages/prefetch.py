@@ -13,11 +13,11 @@ if TYPE_CHECKING:
 Item = TypeVar("Item")
 
 READY = 1
-"""Items that wait while the next one is made. More take memory and gain no time."""
+"""Items that wait while the next one is made. More would take memory and gain no time."""
 
 
 def prefetch(items: Generator[Item], *, name: str) -> Generator[Item]:
-    """Yields `items` in order; a thread called `name` makes up to `READY + 1` of them before they are asked for.
+    """Yields `items` in order. A thread called `name` makes up to `READY + 1` of them before they are asked for.
 
     An error is raised in the place of its item. However this generator ends, `items` is closed and the thread ends.
     """
@@ -38,7 +38,7 @@ def prefetch(items: Generator[Item], *, name: str) -> Generator[Item]:
 
 
 def _next_item(items: Generator[Item]) -> tuple[Item] | None:
-    """The next item in a tuple, None after the last: a future can't carry `StopIteration`."""
+    """Returns the next item in a tuple, or None after the last: a future can't carry `StopIteration`."""
     for item in items:
         return (item,)
     return None

@@ -1,4 +1,4 @@
-"""Schedules views in batches, so that each is made once and kept only as long as another one needs it."""
+"""Schedules views in batches, so that each view is made once and kept only as long as another one needs it."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ class Batch:
 
 
 def batch_size(pixels: int) -> int:
-    """How many views of so many output pixels make a batch; at least one."""
+    """Returns how many views of `pixels` output pixels make a batch; at least one."""
     return max(1, BATCH_PIXELS // pixels)
 
 
 def schedule_batches(
     wanted: Sequence[View], arrangement: Arrangement, *, size: int, is_light_field: bool
 ) -> list[Batch]:
-    """`wanted` in order, `size` views at a time; for a light-field model with the views of their windows."""
+    """Splits `wanted`, in order, into batches of `size` views; for a light-field model, with their windows' views."""
     parts = [wanted[first : first + size] for first in range(0, len(wanted), size)]
     windows = [arrangement.list_required(part) for part in parts] if is_light_field else parts
     first_use = {view: number for number, window in reversed(list(enumerate(windows))) for view in window}

@@ -1,4 +1,4 @@
-"""Upscales views of the renderer with the models, and describes the result for the report."""
+"""Upscales the renderer's views with the models, and describes the result for the report."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.stages.arrangement import Arrangement
 
 UpscaleViews = Callable[[Mapping["View", "Pixels"], Sequence["View"]], tuple["Pixels", list["Finishing"]]]
-"""From views `(H, W, C)` by (v, u), and which of them are wanted, to the upscaled ones `(n, scale*H, scale*W, C)`, and
-how each was finished after a light-field network."""
+"""Takes views `(H, W, C)` by (v, u), and which of them are wanted. Returns the upscaled ones `(n, scale*H, scale*W,
+C)`, and how each was finished after a light-field network."""
 
 
 def load_upscaler(
     plan: Plan, arrangement: Arrangement, *, skip: bool = True, statistics: SkipStatistics | None = None
 ) -> UpscaleViews:
-    """Loads `plan.model` for views of a light field. `skip`: whether pixels with a known result are
-    skipped; they are counted in `statistics`. Colours stay within the bits of each view's camera (`ciir.bit_depth`):
-    interpolation would pass them at edges.
+    """Loads `plan.model` for views of a light field.
 
-    Raises as `models.catalogue.load_upscaler`.
+    `skip`: whether pixels with a known result are skipped; they are counted in `statistics`. Colours stay within the
+    bits of each view's camera (`ciir.bit_depth`), which interpolation would exceed at edges. Raises the same errors as
+    `models.catalogue.load_upscaler`.
     """
     upscale = _load_model(plan, arrangement, skip, statistics)
 
@@ -87,9 +87,9 @@ def _load_model(plan: Plan, arrangement: Arrangement, skip: bool, statistics: Sk
 
 
 def _split_alpha(views: Mapping[View, Pixels]) -> tuple[Mapping[View, Pixels], int]:
-    """The grey or colours of opaque views, and their alpha, 0 where they have none.
+    """Splits opaque views into their grey or colours and their alpha, which is 0 if they have none.
 
-    `model_selection` gives no transparent view to a light-field network.
+    `model_selection` never passes a transparent view to a light-field network.
     """
     first = next(iter(views.values()))
     if first.shape[2] in (1, 3):
@@ -98,13 +98,14 @@ def _split_alpha(views: Mapping[View, Pixels]) -> tuple[Mapping[View, Pixels], i
 
 
 def fallback_name() -> str:
-    """The network of single pictures that helps light-field networks on this processor."""
+    """Returns the network for single pictures that helps light-field networks on this processor."""
     return catalogue.prefer_int8(catalogue.FALLBACK)
 
 
 def describe_model(name: str, scale: int) -> dict[str, Any]:
-    """The report's `model`: name, scale, and the network's SHA-256, null for interpolation; with a light-field network
-    also `fallback`, the model of single pictures that makes the pixels of low confidence.
+    """Returns the report's `model`: name, scale, and the network's SHA-256, null for interpolation.
+
+    A light-field network also has `fallback`, the model for single pictures that makes the pixels of low confidence.
     """
     entry = catalogue.get_entry(name)
     described = {"name": name, "scale": scale, "sha256": entry.card.sha256 if entry.card is not None else None}
@@ -114,8 +115,10 @@ def describe_model(name: str, scale: int) -> dict[str, Any]:
 
 
 def describe_skipped(statistics: SkipStatistics) -> dict[str, Any]:
-    """The report's `skipped`: the model's input pixels, the share of them that it did not compute, by reason, and
-    `saved_ms`, the time that those would have taken at the pace of the others, at most; null where all were skipped.
+    """Returns the report's `skipped`.
+
+    These are the model's input pixels, the share of them that it did not compute, by reason, and `saved_ms`: at most
+    the time that those would have taken at the pace of the others; null if all were skipped.
     """
     pixels = max(1, statistics.pixels)
     shares = {"uniform": statistics.uniform, "repeated": statistics.repeated}
@@ -128,22 +131,22 @@ def describe_skipped(statistics: SkipStatistics) -> dict[str, Any]:
 
 
 def sampling_reasons(model: str, finished: Sequence[Finishing]) -> list[str]:
-    """What follows from how some views look as if they were sampled (`models.light_field.sampling`)."""
+    """Says how views were treated that look as if they were sampled in certain ways (`models.light_field.sampling`)."""
     reasons = []
     if any(view.is_averaged for view in finished):
-        filtered = "views that look as if they were made small with an antialiasing filter"
-        both = f"what {model} and {fallback_name()} make of them"
-        reasons.append(f"{filtered} are means of {both}: others add little there")
+        filtered = "views that look as if they were downscaled with an antialiasing filter"
+        both = f"the results of {model} and {fallback_name()}"
+        reasons.append(f"{filtered} are means of {both}: other views add little there")
     if any(view.is_restored for view in finished):
         reasons.append("views without noise that look filtered or like means are brought closer to what was seen")
     return reasons
 
 
 def fallback_notes(finished: Sequence[Finishing]) -> list[str]:
-    """The report's note on the share, of all pixels, that the fallback made; none where it is negligible."""
+    """Returns the report's note on the share of pixels that the fallback made; none if it is negligible."""
     share = sum(view.fallback for view in finished) / max(1, len(finished))
     if share < MINIMUM_FALLBACK_SHARE:
         return []
     made = f"{100 * share:.0f} % of the pixels were made by {fallback_name()} from their view alone"
     causes = "another scene, a wrong order of views, noise, errors of a JPEG, or depths too far apart"
-    return [f"{made}: the views around don't match there ({causes})"]
+    return [f"{made}: the neighbouring views don't match there ({causes})"]

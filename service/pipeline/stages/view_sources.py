@@ -27,17 +27,17 @@ if TYPE_CHECKING:
 
 
 def open_source(job: Job, plan: Plan, clock: Clock) -> ViewSource:
-    """The view source for the content of `job`. Nothing is rendered yet.
+    """Returns the view source for the content of `job`. Nothing is rendered yet.
 
-    Raises `TooLarge` where a view of a mesh would take too many samples.
+    Raises `TooLarge` if a view of a mesh would take too many samples.
     """
     if job.mesh is not None:
         return MeshViews(job.mesh, job, plan, clock)
-    return LightFieldViews(job.content, clock)  # type: ignore[arg-type]  # what is no mesh is a light field
+    return LightFieldViews(job.content, clock)  # type: ignore[arg-type]  # anything but a mesh is a light field
 
 
 class MeshViews:
-    """Renders a mesh, framed in front of the job's lens array, to RGB. Raises `TooLarge` or `InvalidOption`."""
+    """Renders a mesh to RGB, framed in front of the job's lens array. Raises `TooLarge` or `InvalidOption`."""
 
     def __init__(self, mesh: Scene, job: Job, plan: Plan, clock: Clock) -> None:
         self._mesh, self._job, self._plan, self._clock = mesh, job, plan, clock
@@ -66,8 +66,9 @@ class MeshViews:
             self._placed = self._mesh.transform(self._matrix)
 
     def make_views(self, views: Sequence[View]) -> Iterator[NDArray[Any]]:
-        """Renders each view, `(rows, cols, 3)` 8 bit; with the plan `direct` `scale` times as large. Where the plan has
-        view windows, `views` are places in their grid.
+        """Renders each view, `(rows, cols, 3)` 8 bit, or `scale` times as large with the plan `direct`.
+
+        If the plan has view windows, `views` are places in their grid.
         """
         scene, samples = self._placed, self._plan.samples
         if self._job.skip:
@@ -80,12 +81,12 @@ class MeshViews:
         return map(self._drop_alpha, pictures)
 
     def take_views(self, pictures: Iterator[NDArray[Any]], count: int) -> list[Pixels]:
-        """The next `count` views of `make_views`, contiguous; their time is counted."""
+        """Takes the next `count` views of `make_views`, as contiguous arrays. Their time is counted."""
         with self._clock.stage("render"):
             return [np.ascontiguousarray(picture) for picture in islice(pictures, count)]
 
     def render_eia(self) -> NDArray[np.uint8]:
-        """The elemental image array, `(rows*pixels_v, cols*pixels_u, 3)`."""
+        """Renders the elemental image array, `(rows*pixels_v, cols*pixels_u, 3)`."""
         with self._clock.stage("render"):
             eia = self._backend.render_eia(
                 self._placed,
@@ -97,13 +98,13 @@ class MeshViews:
             return np.ascontiguousarray(self._drop_alpha(eia))
 
     def render_depth(self, view: View) -> NDArray[np.float32]:
-        """The depth of a view, `(rows, cols)`, as `Backend.render_depth`."""
+        """Renders the depth of a view, `(rows, cols)`, as `Backend.render_depth` does."""
         with self._clock.stage("render"):
             (depth,) = self._backend.render_depth(self._placed, self._array, [view])
             return depth
 
     def describe(self) -> Report:
-        """What the report says of the views."""
+        """Describes the views for the report."""
         return {
             "backend": self._backend.name,
             "transform": self._matrix.tolist(),
@@ -114,7 +115,7 @@ class MeshViews:
         }
 
     def _drop_alpha(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """RGB of RGBA, whose alpha is the share of a pixel that the object covers."""
+        """Drops the alpha of an RGBA picture, which is the share of a pixel that the object covers."""
         self._check.add(picture)
         return picture[..., :3]
 
@@ -129,14 +130,14 @@ class LightFieldViews:
         self.sample: Pixels = np.zeros((1, 1, light_field.shape[4]), light_field.dtype)
 
     def open(self) -> None:
-        """There is nothing to prepare."""
+        """Does nothing: there is nothing to prepare."""
 
     def make_views(self, views: Sequence[View]) -> Iterator[Any]:
-        """The views to map."""
+        """Returns the views to map."""
         return iter(views)
 
     def take_views(self, pictures: Iterator[Any], count: int) -> list[Pixels]:
-        """The next `count` views of `make_views`; those of an elemental image array are copied out of it."""
+        """Takes the next `count` views of `make_views`. Those of an elemental image array are copied out of it."""
         views = list(islice(pictures, count))
         if isinstance(self._light_field, ViewFiles):
             with self._clock.stage("decode"):
@@ -145,7 +146,7 @@ class LightFieldViews:
             return [np.ascontiguousarray(self._light_field.views[v, u]) for v, u in views]
 
     def describe(self) -> Report:
-        """What the report says of the views."""
+        """Describes the views for the report."""
         return {
             "backend": None,
             "transform": None,

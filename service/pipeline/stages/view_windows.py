@@ -1,9 +1,9 @@
-"""Windows of views that are rendered around each view of a mesh for a light-field network, with the spacing that suits.
+"""Windows of views rendered around each view of a mesh for a light-field network, at the most useful spacing.
 
-What a network gains from other views are samples between those of the wanted one. Views of a lens array are often
-further apart than that needs: then they see around the object, and its outline is drawn too wide. Of a shallow object,
-or before few lenses, they are too close to differ. Any view of a mesh can be rendered, so windows needn't consist of
-the array's views.
+A network gains from other views because they have samples between those of the wanted view. Views of a lens array are
+often further apart than that requires: they then see around the object, and its outline is drawn too wide. With a
+shallow object, or few lenses, they are too close to differ. Any view of a mesh can be rendered, so windows needn't
+consist of the array's views.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ LEAST = 1 / 32
 
 @dataclass(frozen=True)
 class WindowArray(LensArray):
-    """A lens array with a window of `WINDOW_SIDE` directions down and across around each of another's."""
+    """A lens array with a window of `WINDOW_SIDE` directions down and across around each direction of another array."""
 
     spacing: float = 1.0
-    """Between the directions of a window, in those of the other array."""
+    """Distance between the directions of a window, relative to that of the other array."""
 
     def tangent_x(self) -> NDArray[np.float64]:
-        """tx of each pixel column, window by window."""
+        """Returns tx of each pixel column, window by window."""
         return self._spread(self.pixels_u)
 
     def tangent_y(self) -> NDArray[np.float64]:
-        """ty of each pixel row from the top down, window by window."""
+        """Returns ty of each pixel row from the top down, window by window."""
         return -self._spread(self.pixels_v)
 
     def _spread(self, pixels: int) -> NDArray[np.float64]:
@@ -56,24 +56,25 @@ class WindowArray(LensArray):
 
 @dataclass(frozen=True)
 class ViewWindows:
-    """A grid of views in which each view of a lens array is in the middle of a window of its own."""
+    """A grid of views in which each view of a lens array is at the centre of its own window."""
 
     spacing: float
     """The distance between neighbouring views of a window, relative to that of the array's views."""
     disparities: Range | None = None
-    """Of all that is seen, pixels from one view of a window to the next; None where some are larger than `FARTHEST`."""
+    """The range of disparities in everything that is seen, in pixels from one view of a window to the next; None if
+    some are larger than `FARTHEST`."""
 
     def list_grid(self, grid: View) -> View:
-        """Rows and columns of the grid for an array of `grid` views."""
+        """Returns the rows and columns of the grid for an array of `grid` views."""
         return WINDOW_SIDE * grid[0], WINDOW_SIDE * grid[1]
 
     def find_place(self, view: View) -> View:
-        """The place in the grid of the array's view."""
+        """Returns the place of the array's view in the grid."""
         v, u = (WINDOW_SIDE * number + WINDOW_SIDE // 2 for number in view)
         return v, u
 
     def refine(self, array: LensArray) -> WindowArray:
-        """The lens array whose views are the grid. Raises `InvalidOption` where it has too many."""
+        """Returns the lens array whose views are the grid. Raises `InvalidOption` if it has too many."""
         kept = {field.name: getattr(array, field.name) for field in fields(LensArray)}
         rows, cols = self.list_grid((array.pixels_v, array.pixels_u))
         return WindowArray(**kept | {"pixels_v": rows, "pixels_u": cols}, spacing=self.spacing)
@@ -82,9 +83,10 @@ class ViewWindows:
 def find_view_windows(
     mesh: Scene, array: LensArray, placement: Placement, matrix: NDArray[np.float64]
 ) -> ViewWindows | None:
-    """The windows that help best, none wider than the array's range of views; None where the mesh's bounds are not what
-    is framed, so that what is seen isn't known, and where the grid would be out of range. `matrix`: that of
-    `frame_scene`.
+    """Finds the windows that help best, none wider than the array's range of views.
+
+    Returns None if the frame doesn't follow from the mesh's bounds, so that it is unknown what is seen, and if the grid
+    would be out of range. `matrix`: that of `frame_scene`.
     """
     if mesh.window is not None or placement.fit == "none":
         return None
@@ -102,8 +104,10 @@ def find_view_windows(
 
 
 def _find_disparities(mesh: Scene, array: LensArray, matrix: NDArray[np.float64], spacing: float) -> Range | None:
-    """The range of the disparities of a mesh in windows of views that are `spacing` apart, None where some are larger
-    than `FARTHEST`: content at `z` moves by `z * delta / pitch` pixels from one view of the array to the next.
+    """Returns the range of a mesh's disparities in windows of views that are `spacing` apart.
+
+    Returns None if some are larger than `FARTHEST`. Content at `z` moves by `z * delta / pitch` pixels from one view of
+    the array to the next.
     """
     depths = [part.used_vertices() @ matrix[2, :3] + matrix[2, 3] for part in mesh.parts]
     step = spacing * array.delta / array.pitch

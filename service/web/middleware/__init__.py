@@ -1,1 +1,1 @@
-"""What happens to every request and connection: limits, timeouts, API keys, ids and logs."""
+"""Applies to every request and connection: limits, timeouts, API keys, ids and logs."""

@@ -14,13 +14,14 @@ if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Iterable
 
 _BEARER = HTTPBearer(auto_error=False, description="needed if the server has keys (CIIR_API_KEYS)")
-_HEADER = APIKeyHeader(name="X-API-Key", auto_error=False, description="the same key in a header of its own")
+_HEADER = APIKeyHeader(name="X-API-Key", auto_error=False, description="the same key in a separate header")
 
 
 def require_key(keys: Iterable[str]) -> Callable[..., Awaitable[None]]:
-    """A dependency that raises `HTTPException` 401 unless a request sends one of `keys`; without keys it passes all.
+    """Makes a dependency that raises `HTTPException` 401 unless a request sends one of `keys`.
 
-    Digests of all keys are compared in constant time, so that the duration does not depend on the keys.
+    Without keys it accepts all requests. Digests of all keys are compared in constant time, so that the duration does
+    not depend on the keys.
     """
     digests = [sha256(key.encode()).digest() for key in keys]
 
@@ -46,11 +47,11 @@ def require_key(keys: Iterable[str]) -> Callable[..., Awaitable[None]]:
 
 
 def hash_client(request: Request) -> str:
-    """A short digest of `find_client`, to be stored."""
+    """Returns a short digest of `find_client`, for storing."""
     return sha256(find_client(request).encode()).hexdigest()[:16]
 
 
 def find_client(request: Request) -> str:
-    """The client that sent a request: the digest of its API key, else its address."""
+    """Identifies the client that sent a request: by the digest of its API key, else by its address."""
     address = request.client.host if request.client is not None else ""
     return getattr(request.state, "client", address)

@@ -1,7 +1,7 @@
 """Limits on request bodies in bytes and in seconds, with and without a declared length.
 
 Starlette's `RequestBodyLimitMiddleware` (FastAPI's `max_body_size`) answers in plain text, reads the rest of a refused
-body and has no limit on time.
+body and has no time limit.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 LINGER_SECONDS = 1.0
-"""How long the rest of a refused body is read and dropped: a client that is cut off while it writes would see a broken
-connection in place of the response."""
+"""How long the rest of a refused body is read and dropped. A client that is cut off while it writes would see a broken
+connection instead of the response."""
 OTHER_BYTES = 4096
-"""Maximum bytes of a body that is sent to a path without a limit of its own."""
+"""Maximum bytes of a body that is sent to a path without its own limit."""
 
 
 class BodyLimit:
     """ASGI middleware that limits request bodies.
 
-    A declared length over the limit is answered with 413 before anything is read, but not where the path or the method
-    is wrong: that is 404 or 405. For a chunked body `receive` raises
-    `TooLarge` at the first byte over the limit. After `seconds` `receive` raises `HTTPException` 408. A response to a
-    body that has not been read to its end closes the connection.
+    A declared length over the limit is answered with 413 before anything is read, except when the path or the method is
+    wrong: that is 404 or 405. For a chunked body `receive` raises `TooLarge` at the first byte over the limit. After
+    `seconds`, `receive` raises `HTTPException` 408. If a body has not been read to its end, the response closes the
+    connection.
     """
 
     def __init__(self, app: ASGIApp, limits: Mapping[str, int], seconds: float) -> None:

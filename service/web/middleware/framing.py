@@ -1,4 +1,4 @@
-"""Strict framing: a head whose length a proxy in front may read otherwise is refused, as it could hide a request."""
+"""Strict framing: refuses a head whose length a proxy might read differently, because it could hide a request."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ _ENCODING = re.compile(rb"^transfer-encoding:", re.IGNORECASE | re.MULTILINE)
 
 
 class StrictConnection(h11.Connection):
-    """h11's connection, less what it takes although RFC 9112 has it refused: see `find_framing_error`."""
+    """h11's connection, without what h11 accepts although RFC 9112 requires refusing it (see `find_framing_error`)."""
 
     head = b""
-    """Of the last request, as far as it came."""
+    """The head of the last request, as far as it was received."""
 
     def next_event(self) -> Any:
-        """As h11's; raises `h11.RemoteProtocolError` for a head with a framing error too."""
+        """Returns h11's next event. Raises `h11.RemoteProtocolError` also for a head with a framing error."""
         if self.their_state is h11.IDLE:
             self.head = _BLANK_LINE.split(self.trailing_data[0], maxsplit=1)[0]
         event = super().next_event()
@@ -30,12 +30,12 @@ class StrictConnection(h11.Connection):
 
 
 def find_framing_error(head: bytes) -> str | None:
-    """What is wrong with the head of a request (RFC 9112, 5.2, 6.1 and 6.3), or None."""
+    """Returns what is wrong with the head of a request (RFC 9112, 5.2, 6.1 and 6.3), or None."""
     lengths = _LENGTH.findall(head)
     if _FOLDED.search(head):
-        return "a header goes on in a second line"
+        return "a header continues on a second line"
     if lengths and _ENCODING.search(head):
         return "Content-Length and Transfer-Encoding are both given"
     if len(lengths) > 1 or not all(length.isdigit() for length in lengths):
-        return "Content-Length is no single number"
+        return "Content-Length is not a single number"
     return None

@@ -1,8 +1,8 @@
 """uvicorn's HTTP/1.1 protocol with timeouts for slow clients, a limit on connections, and strict framing.
 
-uvicorn has no setting for how long a client may take to send a head or to read a response, none for the response to
-what is not HTTP, and its `limit_concurrency` closes no idle connection. How long a body may take:
-`service.web.middleware.body_limit`.
+uvicorn has no setting for how long a client may take to send a head or to read a response, and none for the response to
+bytes that are not HTTP; its `limit_concurrency` closes no idle connection. `service.web.middleware.body_limit` limits
+the time for a body.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ if TYPE_CHECKING:
     from ciir.service.metrics import Metrics
 
 _REPR = re.compile(r"(?:bytearray\()?\bb(([\"']).*\2)\)?")
-"""Bytes as h11's messages show them."""
+"""Bytes as shown in h11's messages."""
 _BARE_LINE = "Invalid HTTP request received."
-"""uvicorn's line without a cause; `Refusal.log` logs a better one."""
+"""uvicorn's log line without a cause; `Refusal.log` logs a better one."""
 
 
 class TimeoutProtocol(H11Protocol):
     """Aborts a connection when the client takes longer than `seconds` for its part.
 
-    That is: to complete the head of a request, to read part of a response, or to read what is left when the connection
-    is closed. Bytes that are not HTTP are answered with a problem.
+    The client's part is to complete the head of a request, to read part of a response, or to read the rest when the
+    connection is closed. Bytes that are not HTTP are answered with a problem.
     """
 
     seconds: ClassVar[float]
     most: ClassVar[int]
-    """Connections."""
+    """Most connections."""
     metrics: ClassVar[Metrics]
     idle: ClassVar[dict[TimeoutProtocol, None]]
-    """Connections between two requests, or before the first; the one that is idle for longest comes first.
+    """Connections between two requests, or before the first. The one that has been idle for longest comes first.
 
     All four are set in a subclass by `make_protocol`.
     """
@@ -55,7 +55,7 @@ class TimeoutProtocol(H11Protocol):
         self.conn = StrictConnection(h11.SERVER)
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Starts the timer of the first head. Over the limit on connections it ends an idle one, or this one."""
+        """Starts the timer for the first head. Over the limit on connections, it ends an idle one, or this one."""
         super().connection_made(transport)
         self._head_timer = self._start_timer()
         self.idle[self] = None
@@ -74,7 +74,7 @@ class TimeoutProtocol(H11Protocol):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Starts the timer of a head with its first byte, and stops it when the head is complete."""
+        """Starts the timer for a head with its first byte, and stops it when the head is complete."""
         super().data_received(data)
         if not self._is_between_requests():
             _cancel(self._head_timer)
@@ -84,7 +84,7 @@ class TimeoutProtocol(H11Protocol):
             self._head_timer = self._start_timer()
 
     def on_response_complete(self) -> None:
-        """Makes the connection idle, unless the next request has come already."""
+        """Makes the connection idle, unless the next request has already arrived."""
         super().on_response_complete()
         if self._is_between_requests() and not self.transport.is_closing():
             self.idle[self] = None
@@ -93,18 +93,18 @@ class TimeoutProtocol(H11Protocol):
         return self.cycle is None or self.cycle.response_complete
 
     def pause_writing(self) -> None:
-        """Starts a timer: the client reads more slowly than the server writes."""
+        """Starts a timer, because the client reads more slowly than the server writes."""
         super().pause_writing()
         self._write_timer = self._write_timer or self._start_timer()
 
     def resume_writing(self) -> None:
-        """Stops the timer: the client has read most of what was written."""
+        """Stops the timer, because the client has read most of what was written."""
         super().resume_writing()
         _cancel(self._write_timer)
         self._write_timer = None
 
     def timeout_keep_alive_handler(self) -> None:
-        """Closes an idle connection; a timer aborts it if the client does not read the rest."""
+        """Closes an idle connection. A timer aborts it if the client does not read the rest."""
         super().timeout_keep_alive_handler()
         self._write_timer = self._write_timer or self._start_timer()
 
@@ -143,7 +143,10 @@ def _is_not_bare(record: logging.LogRecord) -> bool:
 
 
 def make_protocol(seconds: float, most: int, metrics: Metrics) -> type[TimeoutProtocol]:
-    """A `TimeoutProtocol` with that timeout, and at most so many connections; `metrics` count what it refuses."""
+    """Makes a `TimeoutProtocol` with that timeout and at most that many connections.
+
+    `metrics` counts what it refuses.
+    """
     logging.getLogger("uvicorn.error").addFilter(_is_not_bare)
     attributes = {"seconds": seconds, "most": most, "metrics": metrics, "idle": {}}
     return type("TimeoutProtocol", (TimeoutProtocol,), attributes)

@@ -1,4 +1,4 @@
-"""Responses to what no application sees: broken framing, and a connection over the limit."""
+"""Responses to requests that never reach the application: broken framing, and connections over the limit."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _log = logging.getLogger("ciir.access")
 
 
 class Refusal:
-    """The response to a request of which only `head`, the bytes of its head as far as they came, is known."""
+    """The response to a request of which only `head` is known: the bytes of its head, as far as they were received."""
 
     def __init__(self, head: bytes, status: int, cause: str) -> None:
         text = head.decode("latin-1")
@@ -33,7 +33,7 @@ class Refusal:
         self._path = clean_text(target.partition("?")[0])
 
     def write(self) -> tuple[list[tuple[str, str]], bytes]:
-        """The headers and the body, a problem."""
+        """Returns the headers and the body, which is a problem."""
         body = json.dumps(problems.describe_problem(self._path, self.status, self._cause)).encode()
         headers = SECURITY_HEADERS | {
             "Content-Type": problems.MEDIA_TYPE,

@@ -1,7 +1,7 @@
-"""Hosts and origins: a web page from elsewhere can't use a server that only its visitor reaches.
+"""Hosts and origins: keeps web pages from elsewhere from using a server that only their visitor can reach.
 
-A name of the page's own that resolves to the server's address (DNS rebinding) is seen by the `Host`; other requests of
-other sites' pages by what browsers add to them. Programs send neither `Sec-Fetch-Site` nor `Origin`.
+If a page makes its own name resolve to the server's address (DNS rebinding), the `Host` shows it. Other requests by
+pages of other sites show in the headers that browsers add. Programs send neither `Sec-Fetch-Site` nor `Origin`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ ANY = "*"
 
 
 def is_loopback(name: str) -> bool:
-    """Whether a host, by name or address, is this machine."""
+    """Checks whether a host, given by name or address, is this machine."""
     try:
         return ipaddress.ip_address(name.partition("%")[0]).is_loopback
     except ValueError:
@@ -31,17 +31,18 @@ def is_loopback(name: str) -> bool:
 
 
 def require_own_site(hosts: Sequence[str], origins: Sequence[str]) -> Callable[[Request], Awaitable[None]]:
-    """A dependency that raises `HTTPException` 403 for another host, or another page's request that changes things.
+    """Makes a dependency that raises `HTTPException` 403 for another host, or another page's request to change things.
 
-    `hosts`: names besides those of loopback; with none, or with `*`, all are accepted. `origins`: those of other pages
-    that may send requests.
+    `hosts`: accepted names besides those of loopback; if empty, or with `*`, all are accepted. `origins`: those of
+    other pages that may send requests.
     """
 
     async def check(request: Request) -> None:
         host = request.headers.get("host", "")
         if hosts and ANY not in hosts and host and not _is_accepted(host, hosts):
             raise HTTPException(
-                403, f"Host: {host[:80]!r} is none of this server's; use {hosts[0]!r}, or list this name in CIIR_HOSTS"
+                403,
+                f"Host: {host[:80]!r} is not one of this server's; use {hosts[0]!r}, or list this name in CIIR_HOSTS",
             )
         origin, site = request.headers.get("origin"), request.headers.get("sec-fetch-site")
         if request.method in SAFE_METHODS or origin in origins or ANY in origins:

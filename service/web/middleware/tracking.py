@@ -1,4 +1,4 @@
-"""Id, security headers, log line and metrics of every request."""
+"""The id, security headers, log line and metrics of every request."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ SECURITY_HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
 }
-"""Headers that a response gets unless it has one of the name."""
+"""Headers that a response gets unless it already has one with that name."""
 ANY_FRAME = "frame-ancestors *"
-"""Of the Content-Security-Policy of a page that others may frame; `X-Frame-Options` can't say so, and is left out."""
+"""Part of the Content-Security-Policy of a page that others may frame; `X-Frame-Options`, which can't express this, is
+left out."""
 UNLOGGED_PATHS = frozenset({"/healthz", "/readyz", "/metrics"})
 """Paths that machines request at short intervals: counted, but not logged."""
 _ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
@@ -35,7 +36,7 @@ _log = logging.getLogger("ciir.access")
 
 
 def choose_id(given: str) -> str:
-    """The id of a request: the one that its `X-Request-Id` gives, if that is valid, or a new one."""
+    """Returns the id of a request: the one in its `X-Request-Id`, if that is valid, or a new one."""
     return given if _ID.fullmatch(given) else uuid4().hex
 
 
@@ -52,7 +53,7 @@ class RequestTracking:
             return
         start = time.perf_counter()
         id_ = choose_id(Headers(scope=scope).get("x-request-id", ""))
-        REQUEST_ID.set(id_)  # the context is that of this request's task, and ends with it
+        REQUEST_ID.set(id_)  # the context belongs to this request's task, and ends with it
         status = sent = received = 0
 
         async def receive_counted() -> Message:

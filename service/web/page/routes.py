@@ -1,4 +1,4 @@
-"""/ and /embed: the web page and the viewer alone; /assets: their files, all from this package."""
+"""/ and /embed: the web page and the viewer on its own; /assets: their files, all from this package."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ciir.service.web.middleware.tracking import ANY_FRAME
 from ciir.service.web.routes.results import find_matching_tag
 
 FOLDERS = {"": Path(__file__).parent / "assets", "viewer/": Path(html.__file__).parent / "viewer"}
-"""Where the files are, by what their names start with: the viewer is that of the HTML export."""
+"""The folders of the files, by the start of their names. The viewer is that of the HTML export."""
 MEDIA_TYPES = {
     ".css": "text/css",
     ".html": "text/html",
@@ -24,24 +24,24 @@ MEDIA_TYPES = {
     ".png": "image/png",
     ".svg": "image/svg+xml",
 }
-"""Of the files that are served, by suffix."""
+"""Media types of the files that are served, by suffix."""
 FILES = {
     start + path.relative_to(folder).as_posix(): path
     for start, folder in FOLDERS.items()
     for path in folder.rglob("*")
     if path.suffix in MEDIA_TYPES
 }
-"""All that is served, by name."""
+"""All files that are served, by name."""
 _MAP = FILES["index.html"].read_bytes().partition(b'<script type="importmap">')[2].partition(b"</script>")[0]
 POLICY = (
-    # The import map is no code: it names the files of packages, and must stand in the page, hence its hash.
+    # The import map is not code: it names the files of packages, and must be inside the page, hence its hash.
     f"default-src 'none'; script-src 'self' 'sha256-{b64encode(sha256(_MAP).digest()).decode()}'; "
     "style-src 'self'; img-src 'self' blob: data:; "
     "connect-src 'self' blob: data:; base-uri 'none'; form-action 'none'; "  # a mesh's textures are blobs and data
 )
-"""The Content-Security-Policy of the pages, without who may frame them."""
+"""The Content-Security-Policy of the pages, except for who may frame them."""
 VERSIONED = "vendor/"
-"""The start of names that hold a version: such files never change."""
+"""The start of names that contain a version. Such files never change."""
 
 router = APIRouter(include_in_schema=False)
 
@@ -49,21 +49,21 @@ router = APIRouter(include_in_schema=False)
 @router.head("/")
 @router.get("/")
 def read_page(request: Request) -> Response:
-    """The page."""
+    """Serves the page."""
     return _respond(request, "index.html", {"Content-Security-Policy": f"{POLICY}frame-ancestors 'none'"})
 
 
 @router.head("/embed")
 @router.get("/embed")
 def read_embedded_page(request: Request) -> Response:
-    """The viewer alone, which any page may frame."""
+    """Serves the viewer on its own, which any page may frame."""
     return _respond(request, "embed.html", {"Content-Security-Policy": POLICY + ANY_FRAME})
 
 
 @router.head("/assets/{name:path}")
 @router.get("/assets/{name:path}")
 def read_asset(request: Request, name: str) -> Response:
-    """A file of the page. Raises `HTTPException` 404."""
+    """Serves a file of the page. Raises `HTTPException` 404."""
     return _respond(request, name, {})
 
 

@@ -1,4 +1,4 @@
-"""/docs: the page of Swagger UI, with all its files from this server."""
+"""/docs: the page of Swagger UI, with all its files served from this server."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def add_docs(app: FastAPI) -> None:
 
 
 def _make_policy(html: str) -> str:
-    """The page's Content-Security-Policy: files of this server, and the page's inline scripts by their hashes."""
+    """Returns the page's Content-Security-Policy: files from this server, and its inline scripts by their hashes."""
     scripts = re.findall(r"<script>(.*?)</script>", html, re.DOTALL)
     hashes = [f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" for script in scripts]
     return (

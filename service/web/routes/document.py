@@ -1,4 +1,4 @@
-"""The schemas of the OpenAPI document, made of `schemas` and of the options of each kind of job."""
+"""The schemas of the OpenAPI document, made from `schemas` and the options of each kind of job."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 
 def describe_form(kind: Kind) -> dict[str, Any]:
-    """JSON schema of the form of a kind of job."""
-    scene = {"type": "string", "enum": list(SCENES), "description": "a shipped scene, in place of the file"}
+    """Returns the JSON schema of the form for a kind of job."""
+    scene = {"type": "string", "enum": list(SCENES), "description": "a shipped scene, instead of the file"}
     described = {
         upload.FILE: {"type": "string", "format": "binary", "description": kind.takes},
         **({upload.SCENE: scene} if kind.takes_scenes else {}),
@@ -31,7 +31,7 @@ def describe_form(kind: Kind) -> dict[str, Any]:
 
 
 def make_schemas() -> dict[str, Any]:
-    """The schemas of the document, by name."""
+    """Returns the schemas of the document, by name."""
     _, made = TypeAdapter.json_schemas(
         [(kind.__name__, "serialization", TypeAdapter(kind)) for kind in schemas.TYPES], ref_template=schemas.REF
     )
@@ -41,9 +41,9 @@ def make_schemas() -> dict[str, Any]:
 
 
 def to_openapi_3_0(schema: Any) -> Any:
-    """A document in the dialect of OpenAPI 3.0: `nullable` for the type null, one `example`.
+    """Converts a document to the dialect of OpenAPI 3.0: `nullable` for the type null, one `example`.
 
-    Titles, which only repeat the names, are left out.
+    Titles are left out, because they only repeat the names.
     """
     if isinstance(schema, list):
         return [to_openapi_3_0(each) for each in schema]

@@ -1,4 +1,4 @@
-"""Event streams of jobs: how many may be open, and what they send."""
+"""Event streams of jobs: how many can be open, and what they send."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ciir.service.jobs.watcher import Watcher
 
 HEADERS = {"Cache-Control": "no-cache", "X-Accel-Buffering": "no"}
-"""Of a stream: neither a client nor a proxy may keep it back."""
+"""Headers of a stream: neither a client nor a proxy may hold it back."""
 RETRY_MILLISECONDS = 1000
 """Time after which a client reconnects to a broken stream."""
 COMMENT_SECONDS = 15.0
@@ -33,7 +33,7 @@ _log = logging.getLogger("ciir.jobs")
 
 
 class OpenStreams:
-    """The number of open streams, at most `most` in all and `most_of_client` of one client."""
+    """The number of open streams, at most `most` in all and `most_of_client` for one client."""
 
     def __init__(self, most: int, most_of_client: int) -> None:
         self._most, self._most_of_client = most, most_of_client
@@ -41,7 +41,7 @@ class OpenStreams:
 
     @contextmanager
     def count(self, client: str) -> Iterator[None]:
-        """Counts one more stream of `client`. Raises `HTTPException` 429 if it is over a limit."""
+        """Counts one more stream of `client`. Raises `HTTPException` 429 if it exceeds a limit."""
         if self._open[client] >= self._most_of_client:
             raise _refuse(f"{self._most_of_client} event streams of this client are open, as many as it may have")
         if self._open.total() >= self._most:
@@ -60,10 +60,10 @@ def _refuse(cause: str) -> HTTPException:
 
 
 async def stream_events(watcher: Watcher, job: Job, sent: int) -> AsyncIterator[bytes]:
-    """The events of `job` from number `sent` on, as they happen, until it has ended or the server stops."""
+    """Yields the events of `job` from number `sent` on, as they happen, until it has ended or the server stops."""
     yield format_sse_event(comment=f"job {job.id}", retry=RETRY_MILLISECONDS)
     while True:
-        sent = sent if sent <= len(job.events) else 0  # the job was submitted again, and its events begin anew
+        sent = sent if sent <= len(job.events) else 0  # the job was submitted again, and its events start again at 0
         if events := job.events[sent:]:
             yield b"".join(
                 format_sse_event(event=event.kind, id=str(number), data_str=json.dumps(event.data))

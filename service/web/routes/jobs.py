@@ -1,4 +1,4 @@
-"""The routes of jobs, the same for each kind of job. Every request is a job, also if the client waits for it."""
+"""The routes of jobs, the same for each kind of job. Every request is a job, even if the client waits for it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class NoMoreEvents(Exception):  # noqa: N818 - not an error
 
 
 def find_kind(request: Request) -> Kind:
-    """A dependency: the kind of jobs that the route is for."""
+    """Finds the kind of job that the route is for. A dependency."""
     return next(kind for kind in KINDS.values() if request.scope["route"].path.startswith(results.find_root(kind.name)))
 
 
@@ -47,7 +47,7 @@ async def find_job(
     kind: FoundKind,
     id_: Annotated[str, Path(alias="id", description="a job's id", examples=["0123456789abcdef0123456789abcdef"])],
 ) -> Job:
-    """A dependency: the job of the path. Raises `HTTPException` 404."""
+    """Finds the job in the path. A dependency. Raises `HTTPException` 404."""
     found = None
     if re.fullmatch(r"[0-9a-f]{32}", id_):
         found = await to_thread.run_sync(state.engine.jobs.get, id_)
@@ -61,7 +61,7 @@ FoundJob = Annotated[Job, Depends(find_job)]
 
 
 async def create_job(request: Request, kind: FoundKind, state: State) -> Response:
-    """Waits for the result up to CIIR_SYNC_SECONDS, or as `Prefer` asks for; then the answer is 202."""
+    """Waits for the result up to CIIR_SYNC_SECONDS, or as long as `Prefer` asks for. After that the answer is 202."""
     start = time.perf_counter()
     state.engine.check_accepting()
     upload.check_query(request.query_params)
@@ -92,7 +92,7 @@ async def create_job(request: Request, kind: FoundKind, state: State) -> Respons
         timings = {"stored": milliseconds, "total": milliseconds} if was_done else None
         try:
             response = await results.respond_with_result(state.engine.jobs, job, job.result, timings)
-        except ResultExpired as error:  # since the job was looked up
+        except ResultExpired as error:  # it expired after the job was looked up
             raise QueueUnavailable("the result expired just now; post the input again") from error
     if applied := preference.format_applied(state.settings.sync_seconds):
         response.headers["Preference-Applied"] = applied
@@ -114,7 +114,7 @@ async def _submit(state: State, given: Upload, client: str) -> Job:
 
 
 async def _wait_for_end(state: State, job: Job, seconds: float) -> Job:
-    """Waits for the end of `job`, but at most that time."""
+    """Waits for the end of `job`, but at most that long."""
     with anyio.move_on_after(seconds):
         while job.state not in FINAL:
             later = await state.engine.jobs.watcher.wait_for_change(job.id, len(job.events))
@@ -125,7 +125,7 @@ async def _wait_for_end(state: State, job: Job, seconds: float) -> Job:
 
 
 async def read_job(job: FoundJob, state: State) -> Response:
-    """The status, with the report or the problem at its end."""
+    """Returns the status; at the end of the job with its report or problem."""
     has_result = job.result is None or await to_thread.run_sync(state.engine.jobs.stores_result, job)
     return results.respond_with_status(job, has_result=has_result)
 
@@ -137,7 +137,7 @@ async def cancel_job(request: Request, job: FoundJob, state: State) -> Response:
 
 
 async def read_result(request: Request, job: FoundJob, state: State) -> Response:
-    """The file with the views; if the job failed, its problem."""
+    """Returns the result file; if the job failed, its problem."""
     if job.result is None:
         return results.respond_unfinished(job, request.url.path, is_post=False)
     tag = results.find_matching_tag(request.headers.getlist("if-none-match"), job.id)
@@ -147,10 +147,12 @@ async def read_result(request: Request, job: FoundJob, state: State) -> Response
 
 
 async def find_start(request: Request, job: FoundJob) -> tuple[Job, int]:
-    """A dependency: the job and the number of the first event to send."""
+    """Finds the job and the number of the first event to send. A dependency."""
     last = request.headers.get("last-event-id", "").strip()
     if last and re.fullmatch(r"\d{1,9}", last) is None:
-        raise HTTPException(400, f"Last-Event-ID: {last[:40]!r} is no number of an event; leave it out for all events")
+        raise HTTPException(
+            400, f"Last-Event-ID: {last[:40]!r} is not the number of an event; leave it out for all events"
+        )
     first = int(last) + 1 if last else 0
     if job.state in FINAL and first >= len(job.events):
         raise NoMoreEvents
@@ -161,19 +163,19 @@ Start = Annotated[tuple[Job, int], Depends(find_start)]
 
 
 async def count_stream(request: Request, state: State) -> AsyncIterator[None]:
-    """A dependency that counts the stream until it ends. Raises `HTTPException` 429 for one too many."""
+    """Counts the stream until it ends. A dependency. Raises `HTTPException` 429 if there are too many."""
     with state.streams.count(find_client(request)):
         yield
 
 
 async def read_events(start: Start, state: State, _counted: Annotated[None, Depends(count_stream)]) -> Response:
-    """The events."""
+    """Sends the events."""
     stream = events.stream_events(state.engine.jobs.watcher, *start)
     return StreamingResponse(stream, headers=events.HEADERS, media_type="text/event-stream")
 
 
 def make_router(kind: Kind) -> APIRouter:
-    """The routes of one kind of job."""
+    """Makes the routes for one kind of job."""
     title = kind.name.title()
     router = APIRouter(prefix=results.find_root(kind.name), tags=[kind.plural], default_response_class=Response)
     status = openapi.describe_errors(401, 404, 503)
@@ -202,12 +204,12 @@ def make_router(kind: Kind) -> APIRouter:
         "/{id}",
         operation_id=f"delete{title}",
         summary="Cancel a job, or remove one that has ended with its result",
-        description="Identical requests share one job: it goes on, and its result is kept, while another client (API "
-        "key, or address) that asked for it has not cancelled it.",
+        description="Identical requests share one job. The job goes on, and its result is kept, as long as another "
+        "client (API key, or address) that asked for it has not cancelled it.",
         responses=openapi.describe_status(
             kind,
             200,
-            "the status: cancelled, that at its end, or queued or running if the job goes on for other clients",
+            "the status: cancelled, the status at its end, or queued or running if the job goes on for other clients",
         )
         | status,
     )(cancel_job)
@@ -223,7 +225,7 @@ def make_router(kind: Kind) -> APIRouter:
         "/{id}/events",
         operation_id=f"get{title}Events",
         summary="Events of a job, as server-sent events",
-        description="All events, or those after `Last-Event-ID`, until the job has ended. They are numbered from 0.",
+        description="Sends all events, or those after `Last-Event-ID`, until the job ends. They are numbered from 0.",
         responses=openapi.describe_response(204, "the job has ended, and the client has all events")
         | openapi.describe_json(200, "the events", schemas.refer("Event"), "text/event-stream")
         | openapi.describe_errors(400, 401, 404, 429, 503),

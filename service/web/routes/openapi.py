@@ -20,11 +20,11 @@ _PROBLEM = {problems.MEDIA_TYPE: {"schema": schemas.refer("Problem")}}
 _BINARY = {"schema": {"type": "string", "format": "binary"}}
 _ERRORS = {
     400: "the request is malformed",
-    401: "the server has API keys, and the request has none of them",
-    403: "the Host is not one of the server's, or a web page of another origin asks",
+    401: "the server has API keys, and the request sends none of them",
+    403: "the Host is not one of the server's, or a web page of another origin sent the request",
     404: "there is no such job, or it was removed or has expired",
     408: "the body did not arrive in time",
-    409: "the job is not done: it waits, runs, or was cancelled",
+    409: "the job is not done: it is waiting or running, or was cancelled",
     410: "the result is missing, or was damaged; post the input again",
     413: "over a limit on bytes, pixels, files, triangles or memory",
     415: "not multipart, or not a file of a supported type",
@@ -43,17 +43,17 @@ _RETRY = _header("seconds", "integer")
 _RESULT_HEADERS = {
     "X-Request-Id": _ID,
     "ETag": _header(
-        "the job's id in quotes, with - and more behind it if a worker of another version ran it; weak (W/) if the "
-        "file holds timings"
+        "the job's id in quotes, followed by - and more if a worker of another version ran it; weak (W/) if the file "
+        "holds timings"
     ),
     "Content-Location": _header("path of the result"),
     "Server-Timing": _header("milliseconds of each stage; `stored` if a kept result was sent"),
-    "X-Notes": _header("a JSON list of notes on what was done, in ASCII"),
+    "X-Notes": _header("the notes of the report, as a JSON list in ASCII"),
 }
 
 
 def describe_errors(*statuses: int) -> Responses:
-    """Problems with these statuses, with 403 wherever 401 is, and `default` for any other."""
+    """Describes problems with these statuses, with 403 wherever 401 is included, and `default` for any other."""
     found: Responses = {}
     for status in sorted({*statuses, 403} if 401 in statuses else statuses):
         found[status] = {"description": _ERRORS[status], "content": _PROBLEM, "headers": {"X-Request-Id": _ID}}
@@ -63,13 +63,13 @@ def describe_errors(*statuses: int) -> Responses:
 
 
 def describe_form(kind: Kind) -> dict[str, Any]:
-    """The body of a request for that kind of job."""
+    """Describes the body of a request for that kind of job."""
     schema = schemas.refer(f"{kind.name.title()}Form")
     return {"required": True, "content": {"multipart/form-data": {"schema": schema}}}
 
 
 def describe_result(kind: Kind) -> Responses:
-    """200 with the result, and 304 if the client has it."""
+    """Describes 200 with the result, and 304 if the client has it."""
     headers = _RESULT_HEADERS | {results.name_id_header(kind.name): _header("the job's id")}
     return {
         200: {
@@ -87,7 +87,7 @@ def describe_result(kind: Kind) -> Responses:
 
 
 def describe_status(kind: Kind, code: int, description: str, **headers: str) -> Responses:
-    """A job's status as JSON. `headers`: descriptions by name, with `_` for `-`."""
+    """Describes a job's status as JSON. `headers` are descriptions by name, with `_` for `-`."""
     described = describe_json(code, description, schemas.refer(schemas.STATUSES[kind.name].__name__))
     described[code]["headers"] |= {name.replace("_", "-"): _header(text) for name, text in headers.items()}
     return described
@@ -96,13 +96,13 @@ def describe_status(kind: Kind, code: int, description: str, **headers: str) -> 
 def describe_json(
     code: int, description: str, schema: dict[str, Any], media_type: str = "application/json"
 ) -> Responses:
-    """A response of JSON, or of events with JSON."""
+    """Describes a response of JSON, or of events with JSON."""
     content = {media_type: {"schema": schema}}
     return {code: {"description": description, "content": content, "headers": {"X-Request-Id": _ID}}}
 
 
 def describe_response(code: int, description: str, *media_types: str) -> Responses:
-    """A response of text, or without a body."""
+    """Describes a response of text, or without a body."""
     content: dict[str, Any] = {kind: {"schema": {"type": "string"}} for kind in media_types}
     response: dict[str, Any] = {"description": description, "headers": {"X-Request-Id": _ID}}
     return {code: response | {"content": content} if content else response}
@@ -119,7 +119,9 @@ def _parameter(name: str, description: str, example: str) -> dict[str, Any]:
     }
 
 
-PREFER = _parameter("Prefer", "`respond-async`: 202 immediately; `wait=N`: after at most N seconds", "respond-async")
+PREFER = _parameter(
+    "Prefer", "`respond-async`: answer 202 immediately; `wait=N`: answer after at most N seconds", "respond-async"
+)
 IF_NONE_MATCH = _parameter(
     "If-None-Match", "ETags of results that the client has", '"0123456789abcdef0123456789abcdef"'
 )
@@ -127,7 +129,7 @@ LAST_EVENT_ID = _parameter("Last-Event-ID", "number of the last event that the c
 
 
 def add_schemas(app: FastAPI) -> None:
-    """Adds the schemas that the routes refer to to the document, which is made once."""
+    """Adds the schemas that routes refer to to the document, which is made only once."""
     make = app.openapi
 
     def make_document() -> dict[str, Any]:

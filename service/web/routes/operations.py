@@ -27,7 +27,7 @@ router = APIRouter()
     responses=openapi.describe_errors(),
 )
 async def healthz() -> dict[str, str]:
-    """Needs nothing but the process."""
+    """Answers as long as the process runs."""
     return {"status": "alive"}
 
 
@@ -40,7 +40,7 @@ async def healthz() -> dict[str, str]:
     responses=openapi.describe_errors(503),
 )
 async def readyz(state: State) -> dict[str, str]:
-    """503 with the reason otherwise."""
+    """Answers 503 with the reason if the server is not ready."""
     await to_thread.run_sync(state.engine.check_ready)
     return {"status": "ready"}
 
@@ -57,7 +57,7 @@ async def readyz(state: State) -> dict[str, str]:
     | openapi.describe_errors(401),
 )
 def list_models() -> Response:
-    """The catalogue."""
+    """Lists the models of the catalogue."""
     return JSONResponse(listing.list_models())
 
 
@@ -71,6 +71,6 @@ def list_models() -> Response:
     responses=openapi.describe_response(200, "Prometheus' text format", "text/plain") | openapi.describe_errors(401),
 )
 def metrics(state: State) -> Response:
-    """Metrics of this process and of the queue."""
+    """Returns the metrics of this process and of the queue."""
     state.engine.update_gauges()
     return Response(state.engine.metrics.text(), media_type=CONTENT_TYPE_LATEST)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal, NotRequired, TypeVar
 
 from pydantic import ConfigDict, Field, with_config
-from typing_extensions import TypedDict  # pydantic takes no other before Python 3.12
+from typing_extensions import TypedDict  # pydantic accepts no other before Python 3.12
 
 from ciir.renderer.views import DepthSense  # noqa: TC001 - pydantic evaluates the annotations
 
@@ -13,63 +13,63 @@ _Class = TypeVar("_Class", bound=type)
 
 
 def described(kind: _Class) -> _Class:
-    """Has pydantic take the docstrings of attributes as descriptions."""
+    """Makes pydantic use the docstrings of attributes as descriptions."""
     return with_config(ConfigDict(use_attribute_docstrings=True))(kind)
 
 
 @described
 class Input(TypedDict):
-    """What was read."""
+    """The input that was read."""
 
     name: str
     kind: str
     """A file type, or `views` for a set of pictures."""
     bytes: NotRequired[int]
-    """Of the files; none of a shipped scene."""
+    """Bytes of the files; missing for a shipped scene."""
     files: NotRequired[int]
     triangles: NotRequired[int]
-    """Of a mesh."""
+    """Only for a mesh."""
     parts: NotRequired[int]
-    """Of a mesh."""
+    """Only for a mesh."""
     height: NotRequired[int]
-    """Pixels of all views side by side, of a light field."""
+    """Only for a light field: pixels of all views side by side."""
     width: NotRequired[int]
     channels: NotRequired[int]
     bits: NotRequired[int]
-    """Of a channel."""
+    """Bits of a channel."""
 
 
 @described
 class LensArray(TypedDict):
-    """The lens array. `pitch` and `delta` are null where nothing is known of them."""
+    """The lens array. `pitch` and `delta` are null if they are unknown."""
 
     rows: int
     cols: int
     pitch: float | None
-    """Distance between lenses, in scene units; of a raw lenslet picture in its pixels."""
+    """Distance between lenses: in scene units, or for a raw lenslet picture in its pixels."""
     pixels_v: int
     pixels_u: int
     delta: float | None
     """Tangent from one pixel under a lens to the next."""
     depth_sense: DepthSense
-    """`lenses`: what is farther moves further to the left from one view to the next on the right; `cameras`: what is
-    nearer does."""
+    """`lenses`: farther content moves further to the left from one view to the next on the right; `cameras`: nearer
+    content does."""
 
 
 @described
 class Skipped(TypedDict):
-    """What needed no computation."""
+    """What was skipped because it needed no computation."""
 
     pixels: NotRequired[int]
     """Input pixels of the model."""
     uniform: NotRequired[float]
     """Share of `pixels` in regions of one colour."""
     repeated: NotRequired[float]
-    """Share of `pixels` whose neighbourhood had been computed."""
+    """Share of `pixels` whose neighbourhood had already been computed."""
     saved_ms: NotRequired[float | None]
-    """Null where all were skipped."""
+    """Null if all pixels were skipped."""
     culled: NotRequired[float]
-    """Share of a mesh's triangles."""
+    """Share of a mesh's triangles that were left out."""
 
 
 @described
@@ -79,9 +79,9 @@ class UsedModel(TypedDict):
     name: str
     scale: int
     sha256: str | None
-    """Of its file; null for interpolation."""
+    """SHA-256 of its file; null for interpolation."""
     fallback: NotRequired[UsedModel]
-    """What made the pixels of low confidence, with a light-field network."""
+    """Only with a light-field network: the model that made the pixels of low confidence."""
 
 
 @described
@@ -92,13 +92,13 @@ class Plan(TypedDict):
     backend: str | None
     """Null for a light field."""
     sampling: Literal["pinhole", "lenslet"] | None
-    """Of a light field: `lenslet` where upscaled views were brought closer to the lenslets' means, else null."""
+    """For a light field: `lenslet` if upscaled views were brought closer to the lenslets' means, else null."""
     samples: int
-    """Along each side of a lens's cell, of a mesh."""
+    """For a mesh: samples along each side of a lens's cell."""
     model: str
     scale: int
     predicted_ms: NotRequired[float]
-    """The estimate of `timings_ms.total`, of a reconstruction."""
+    """Only for a reconstruction: the estimate of `timings_ms.total`."""
     reasons: list[str]
     skipped: Skipped | None
 
@@ -110,7 +110,7 @@ class ElementalPlan(TypedDict):
     backend: str
     sampling: Literal["pinhole", "lenslet"]
     samples: int
-    """Along each side of a lens's cell."""
+    """Samples along each side of a lens's cell."""
     pickup: Literal["virtual", "optical"]
     reasons: list[str]
 
@@ -118,7 +118,7 @@ class ElementalPlan(TypedDict):
 class _AnyReport(TypedDict):
     notes: list[str]
     timings_ms: Annotated[dict[str, float], Field(description="Milliseconds of each stage that ran, and `total`.")]
-    versions: Annotated[dict[str, str], Field(description="Of the packages that took part.")]
+    versions: Annotated[dict[str, str], Field(description="Versions of the packages that were used.")]
 
 
 @described
@@ -128,7 +128,7 @@ class ReconstructionReport(_AnyReport):
     input: Input
     lens_array: LensArray
     scene_transform: list[list[float]] | None
-    """4x4, row-major: from a mesh's coordinates to those of the lens array."""
+    """4x4, row-major: from a mesh's coordinates to those of the lens array. Null for a light field."""
     plan: Plan
     model: UsedModel | None
     options: dict[str, Any]
@@ -137,7 +137,7 @@ class ReconstructionReport(_AnyReport):
 
 @described
 class UpscaledPicture(TypedDict):
-    """A picture that was upscaled, and its size then."""
+    """An upscaled picture, with its size after upscaling."""
 
     input: str
     file: str
@@ -169,11 +169,11 @@ class ElementalReport(_AnyReport):
 
 @described
 class DisplayReport(_AnyReport):
-    """The report of a picture for a display."""
+    """The report of a display picture."""
 
     input: Input
     display: dict[str, Any]
-    """Its `kind` and numbers, among them `layout` of a quilt: `cols`, `rows`, `aspect`."""
+    """Its `kind` and numbers, including `layout` of a quilt: `cols`, `rows`, `aspect`."""
     scene_transform: list[list[float]] | None
     """4x4, row-major: from a mesh's coordinates to those of the display."""
     options: dict[str, Any]
@@ -185,11 +185,11 @@ class Plane(TypedDict):
     """A depth plane."""
 
     name: str
-    """Of its picture, without a suffix."""
+    """Name of its picture, without a suffix."""
     disparity: NotRequired[float]
-    """In pixels of the views that were read; larger is nearer. Missing in a picture that is in focus everywhere."""
+    """In pixels of the views that were read; larger is nearer. Missing for a picture that is in focus everywhere."""
     depth: NotRequired[float | None]
-    """Where the geometry is known; null at infinity."""
+    """Only if the geometry is known; null at infinity."""
 
 
 @described
@@ -203,7 +203,7 @@ class PlaneReport(ReconstructionReport):
 
 @described
 class DisparityRange(TypedDict):
-    """Of the pixels with texture and at least that confidence; of a mesh, of those that show it."""
+    """The range of disparities where there is texture and at least that confidence, or where a mesh is seen."""
 
     least: float
     largest: float
@@ -219,19 +219,19 @@ class DisparityMap(TypedDict):
     height: int
     width: int
     least: float
-    """Pixels of the map."""
+    """In pixels of the map."""
     largest: float
     confident: DisparityRange | None
-    """None where the view has too little texture."""
+    """Null if the view has too little texture."""
     exact: bool
-    """Whether it was rendered, of a mesh."""
+    """Whether the map was rendered from a mesh, not estimated."""
     format: str
     sense: Literal["larger is nearer"]
     scale: NotRequired[float]
-    """Of a PNG: the disparity is `offset + scale * level`."""
+    """Only for a PNG: the disparity is `offset + scale * level`."""
     offset: NotRequired[float]
     darkest: NotRequired[float]
-    """Of a coloured picture: the disparities of its first and last colour."""
+    """Only for a coloured picture: the disparities of its first and last colour."""
     brightest: NotRequired[float]
 
 
@@ -249,7 +249,7 @@ class DisparityReport(ReconstructionReport):
 
     disparity: NotRequired[DisparityMap]
     surface: NotRequired[Surface]
-    """Of a model."""
+    """Only for a model."""
 
 
 @described
@@ -261,25 +261,25 @@ class LensGrid(TypedDict):
     offset: list[float]
     """(y, x) of the centre of the first lens."""
     rotation: float
-    """Degrees; rows of a positive one go down to the right."""
+    """Degrees. If positive, rows go down to the right."""
     shape: Literal["square", "hexagonal", "hexagonal-columns"]
     stretch: float
-    """Distance between rows over that of a regular grid."""
+    """Distance between rows, relative to that of a regular grid."""
 
 
 @described
 class Candidate(TypedDict):
-    """What a picture may be."""
+    """What the picture may be."""
 
     kind: Literal["eia", "mosaic", "raw"]
     options: dict[str, str]
-    """Form fields with which it is read so."""
+    """Form fields that make it be read that way."""
     pixels: list[int]
     """Rows and columns of views."""
     lenses: NotRequired[list[int]]
-    """Rows and columns of lenses: of the pixels of a view."""
+    """Rows and columns of lenses, which are the pixels of a view."""
     lens_grid: NotRequired[LensGrid]
-    """Of a raw lenslet picture."""
+    """Only for a raw lenslet picture."""
 
 
 @described
@@ -289,21 +289,21 @@ class FoundViews(TypedDict):
     rows: int
     cols: int
     height: int
-    """Of a view, in pixels."""
+    """Height of a view, in pixels."""
     width: int
     depth_sense: DepthSense
 
 
 @described
 class InspectionReport(_AnyReport):
-    """What a file is."""
+    """What a file contains."""
 
     kind: Literal["mesh", "views", "eia", "mosaic", "raw", "picture"]
-    """`picture`: one that shows no lenses; it needs `lenses` or `pixels`."""
+    """`picture`: a picture in which no lenses were found; it needs `lenses` or `pixels`."""
     input: Input
     candidates: list[Candidate]
-    """Of a picture whose lenses are not given, the likeliest first."""
+    """For a picture whose lenses are not given, what it may be, the likeliest first."""
     bounds: NotRequired[list[list[float]]]
-    """Of a mesh: the lowest and the highest (x, y, z) in its own coordinates."""
+    """For a mesh: the lowest and the highest (x, y, z) in its own coordinates."""
     light_field: NotRequired[FoundViews]
-    """Of views, and of a picture whose lenses are given."""
+    """For views, and for a picture whose lenses are given."""

@@ -27,37 +27,37 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.options import KindName
 
 CACHE = "private, no-cache"
-"""Of results: a client may keep them and ask with the ETag whether they have changed."""
+"""`Cache-Control` of results: a client may keep them, and asks with the ETag whether they have changed."""
 LOST = "the result is no longer stored, or was damaged; post the input again"
 NOTES_HEADER = "X-Notes"
-"""The response header with what the command line prints as notes."""
+"""The response header with the notes that the command line prints."""
 MOST_NOTES = 3000
-"""Characters in that header: proxies take about 4,000 in all headers by default."""
+"""Most characters in that header: by default proxies accept about 4,000 in all headers."""
 CHUNK = 2**18
-"""Bytes of a piece of a result; one that is not larger is sent in one piece."""
+"""Most bytes in a piece of a result. A smaller result is sent in one piece."""
 RETRY_SECONDS = "1"
 """`Retry-After` while a job is not done."""
 FAILED_RETRY_SECONDS = "10"
-"""`Retry-After` of a POST whose job failed through an error of the server: what it lacked takes longer to come back."""
+"""`Retry-After` of a POST whose job failed because of an error of the server, which takes longer to recover."""
 
 
 def find_root(kind: KindName) -> str:
-    """The path of all jobs of that kind."""
+    """Returns the path of all jobs of that kind."""
     return f"/v1/{KINDS[kind].plural}"
 
 
 def make_url(job: Job) -> str:
-    """The path of a job."""
+    """Returns the path of a job."""
     return f"{find_root(job.request.kind)}/{job.id}"
 
 
 def name_id_header(kind: KindName) -> str:
-    """The response header with a job's id."""
+    """Returns the name of the response header with a job's id."""
     return f"X-{kind.title()}-Id"
 
 
 def describe_job(job: Job, *, has_result: bool = True) -> dict[str, Any]:
-    """A job's status as `schemas.Status` describes it. `has_result`: whether the result of a done job is stored."""
+    """Returns a job's status as in `schemas`. `has_result`: whether the result of a finished job is stored."""
     status: dict[str, Any] = {
         "id": job.id,
         "state": job.state,
@@ -83,7 +83,7 @@ def describe_job(job: Job, *, has_result: bool = True) -> dict[str, Any]:
 
 
 def _find_progress(job: Job) -> dict[str, Any] | None:
-    """The last progress of the current run; of a job that is done: all views."""
+    """Returns the last progress of the current run; for a finished job, all views."""
     if job.result is not None and job.result.views:  # the last event may be older: there are at most 4 a second
         return {"stage": "encode", "views_done": job.result.views, "views": job.result.views}
     for event in reversed(job.events):
@@ -97,16 +97,16 @@ def _find_progress(job: Job) -> dict[str, Any] | None:
 def respond_with_status(
     job: Job, code: int = 200, headers: Mapping[str, str] | None = None, *, has_result: bool = True
 ) -> JSONResponse:
-    """The response with the status as `describe_job` makes it; `Retry-After` if it will change."""
+    """Responds with the status made by `describe_job`, and with `Retry-After` if it will change."""
     again = {} if job.state in FINAL else {"Retry-After": RETRY_SECONDS}
     fixed = {"Cache-Control": "no-store", name_id_header(job.request.kind): job.id}
     return JSONResponse(describe_job(job, has_result=has_result), code, fixed | again | dict(headers or {}))
 
 
 def respond_unfinished(job: Job, path: str, *, is_post: bool) -> JSONResponse:
-    """The problem that answers a request for the result of a job that is not done.
+    """Responds with the problem for a request for the result of a job that is not done.
 
-    `is_post`: whether the same request runs a job again that failed through an error of the server.
+    `is_post`: whether the same request runs a job again that failed because of an error of the server.
     """
     if job.problem is not None:
         response = problems.respond_problem(path, **asdict(job.problem))
@@ -123,7 +123,7 @@ def respond_unfinished(job: Job, path: str, *, is_post: bool) -> JSONResponse:
 
 
 def find_matching_tag(if_none_match: Iterable[str], id_: str) -> str | None:
-    """The tag in the `If-None-Match` headers that matches the result of the job `id_`, or None.
+    """Returns the tag in the `If-None-Match` headers that matches the result of the job `id_`, or None.
 
     The comparison is weak (RFC 9110); `*` never matches.
     """
@@ -132,9 +132,9 @@ def find_matching_tag(if_none_match: Iterable[str], id_: str) -> str | None:
 
 
 def _make_headers(job: Job, result: Result, timings: Mapping[str, float]) -> dict[str, str]:
-    # The id stands for what this version makes; a worker of another one may have made the result.
+    # The id stands for the result of this version, but a worker of another one may have made it.
     value = job.id if job.made_by == hash_installation() else f"{job.id}-{job.made_by[:8]}"
-    # A report holds timings, which differ between two runs of one job: a weak tag.
+    # A report holds timings, which differ between two runs of one job, so its tag is weak.
     tag = f'W/"{value}"' if FILE_TYPES[result.format].holds_report else f'"{value}"'
     return {
         "ETag": tag,
@@ -147,7 +147,7 @@ def _make_headers(job: Job, result: Result, timings: Mapping[str, float]) -> dic
 
 
 def _write_notes(job: Job, notes: Sequence[str]) -> str:
-    """A JSON list in ASCII of the notes; of those that make it too long the last item says where they are."""
+    """Writes the notes as a JSON list in ASCII. If they are too long, the last item says where the others are."""
     kept: list[str] = []
     length = 0
     for note in notes:
@@ -165,7 +165,7 @@ def _write_notes(job: Job, notes: Sequence[str]) -> str:
 
 
 def respond_unchanged(tag: str, kind: KindName) -> Response:
-    """The response 304: the client has the result that `tag` names."""
+    """Responds with 304: the client has the result that `tag` names."""
     id_ = tag.removeprefix("W/").strip('"')
     kept = {"ETag": tag, "Content-Location": f"{find_root(kind)}/{id_}/result", name_id_header(kind): id_}
     return Response(status_code=304, headers=kept | {"Cache-Control": CACHE})
@@ -174,9 +174,9 @@ def respond_unchanged(tag: str, kind: KindName) -> Response:
 async def respond_with_result(
     jobs: Jobs, job: Job, result: Result, timings: Mapping[str, float] | None = None, *, is_head: bool = False
 ) -> Response:
-    """The response with the result of a job that is done.
+    """Responds with the result of a finished job.
 
-    `timings`: milliseconds by stage; those of the job if None. `is_head`: respond to a HEAD, without a body.
+    `timings`: milliseconds by stage, or None for those of the job. `is_head`: respond to a HEAD, without a body.
     Raises `ResultExpired` or `QueueUnavailable`.
     """
     file, start = await to_thread.run_sync(_open_result, jobs, job.id)
@@ -194,7 +194,7 @@ async def respond_with_result(
 
 
 def _name_file(id_: str, result: Result) -> str:
-    """A quilt's name holds its layout: displays read it there."""
+    """Returns the file name for a result. A quilt's name contains its layout, because displays read it there."""
     layout = result.report.get("display", {}).get("layout")
     return f"{id_}{QuiltLayout(**layout).suffix if layout else ''}{FILE_TYPES[result.format].suffix}"
 

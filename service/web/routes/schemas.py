@@ -1,11 +1,11 @@
-"""The types of JSON in requests and responses: the schemas of the OpenAPI document are made of them."""
+"""The types of JSON in requests and responses. The schemas of the OpenAPI document are made from them."""
 
 from __future__ import annotations
 
 from typing import Annotated, Literal, NotRequired
 
 from pydantic import Field
-from typing_extensions import TypedDict  # pydantic takes no other before Python 3.12
+from typing_extensions import TypedDict  # pydantic accepts no other before Python 3.12
 
 from ciir.models.cards import Card  # noqa: TC001 - pydantic evaluates the annotations
 from ciir.service.jobs.job import EventKind, State  # noqa: TC001
@@ -23,7 +23,7 @@ from ciir.service.web.routes.reports import (
 )
 
 REF = "#/components/schemas/{model}"
-"""Where the document has a schema."""
+"""The place of a schema in the document."""
 
 
 @described
@@ -46,7 +46,7 @@ class Progress(TypedDict):
     """The last progress of the current run."""
 
     stage: Stage
-    """The earliest at work, for which the others wait; stages overlap."""
+    """The earliest stage at work, which the others wait for; stages overlap."""
     views_done: int
     views: int
     """0 until it is known."""
@@ -54,7 +54,7 @@ class Progress(TypedDict):
 
 @described
 class ResultFile(TypedDict):
-    """The result of a job that is done."""
+    """The result of a finished job."""
 
     url: str
     """Its path."""
@@ -76,18 +76,18 @@ class Event(TypedDict, total=False):
     """Milliseconds after which to reconnect."""
 
 
-class _Status(TypedDict):  # pydantic inherits no descriptions from docstrings
+class _Status(TypedDict):  # pydantic does not inherit descriptions from docstrings
     id: Annotated[str, Field(pattern="^[0-9a-f]{32}$", description="Hash of the input, the options and the format.")]
     state: State
     created: Annotated[str, Field(json_schema_extra={"format": "date-time"})]
-    attempts: Annotated[int, Field(ge=0, description="How often it was started.")]
-    input: Annotated[str, Field(description="`upload` and what of the file's name is used, or `scene:NAME`.")]
-    options: Annotated[dict[str, str], Field(description="As they were sent.")]
-    format: Annotated[str | None, Field(description="As requested; once the job is done, that of the result.")]
+    attempts: Annotated[int, Field(ge=0, description="How many times it was started.")]
+    input: Annotated[str, Field(description="`upload` and the part of the file's name that is used, or `scene:NAME`.")]
+    options: Annotated[dict[str, str], Field(description="The options as they were sent.")]
+    format: Annotated[str | None, Field(description="As requested; once the job is done, the result's format.")]
     events: Annotated[str, Field(description="Path of its server-sent events.")]
     progress: Progress | None
-    result: NotRequired[Annotated[ResultFile, Field(description="If it is done.")]]
-    problem: NotRequired[Annotated[Problem, Field(description="Why it failed, if it has; 410 if its result is lost.")]]
+    result: NotRequired[Annotated[ResultFile, Field(description="Only if it is done.")]]
+    problem: NotRequired[Annotated[Problem, Field(description="Why it failed, if it did; 410 if its result is lost.")]]
 
 
 @described
@@ -95,7 +95,7 @@ class Reconstruction(_Status):
     """Status of a reconstruction."""
 
     report: NotRequired[ReconstructionReport]
-    """If it is done."""
+    """Only if it is done."""
 
 
 @described
@@ -103,7 +103,7 @@ class Upscale(_Status):
     """Status of an upscaling."""
 
     report: NotRequired[UpscaleReport]
-    """If it is done."""
+    """Only if it is done."""
 
 
 @described
@@ -111,15 +111,15 @@ class Elemental(_Status):
     """Status of an elemental image array."""
 
     report: NotRequired[ElementalReport]
-    """If it is done."""
+    """Only if it is done."""
 
 
 @described
 class Display(_Status):
-    """Status of a picture for a display."""
+    """Status of a display picture."""
 
     report: NotRequired[DisplayReport]
-    """If it is done."""
+    """Only if it is done."""
 
 
 @described
@@ -127,7 +127,7 @@ class Planes(_Status):
     """Status of a job that makes depth planes."""
 
     report: NotRequired[PlaneReport]
-    """If it is done."""
+    """Only if it is done."""
 
 
 @described
@@ -135,7 +135,7 @@ class Disparity(_Status):
     """Status of a disparity map."""
 
     report: NotRequired[DisparityReport]
-    """If it is done."""
+    """Only if it is done."""
 
 
 @described
@@ -143,7 +143,7 @@ class Inspection(_Status):
     """Status of an inspection."""
 
     report: NotRequired[InspectionReport]
-    """If it is done."""
+    """Only if it is done."""
 
 
 @described
@@ -159,7 +159,7 @@ class Model(TypedDict):
     default: bool
     """Whether it is the default for single pictures."""
     unsupported_reason: str | None
-    """Why the server's processor can't run it; null where it can."""
+    """Why the server's processor can't run it; null if it can."""
     card: Card | None
     """Null for interpolation, which was not trained."""
 
@@ -175,9 +175,9 @@ STATUSES: dict[KindName, type] = {
 }
 """The type of a status, by kind of job."""
 TYPES = (Event, Problem, Model, *STATUSES.values())
-"""All types that the document has by name."""
+"""All types that the document lists by name."""
 
 
 def refer(name: str) -> dict[str, str]:
-    """A reference to a schema in the document."""
+    """Returns a reference to a schema in the document."""
     return {"$ref": REF.format(model=name)}

@@ -23,7 +23,7 @@ class ServiceState:
 
 
 def find_state(request: Request) -> ServiceState:
-    """A dependency: the state of the server that got the request."""
+    """Finds the state of the server that got the request. A dependency."""
     state: ServiceState = request.app.state.service
     return state
 

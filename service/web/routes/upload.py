@@ -1,6 +1,6 @@
 """The form of a job: a file or a shipped scene, the options by name, and the format of the result.
 
-Options whose value is the text of a file may be sent as one.
+Options whose value is the text of a file can be sent as a file.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Upload:
 
 class _Input(NamedTuple):
     name: str
-    """Of a `Request`."""
+    """The name in a `Request`."""
     file: BinaryIO
     size: int
 
@@ -64,7 +64,7 @@ def check_encoding(encoding: str | None) -> None:
 
 
 def check_query(names: Iterable[str]) -> None:
-    """Raises `InvalidOption` where the URL has a query, whose parameters are called `names`."""
+    """Raises `InvalidOption` if the URL has a query, whose parameters are called `names`."""
     if found := sorted(set(names)):
         listed = ", ".join(repr(clean_text(name)[:40]) for name in found[:5])
         raise InvalidOption(f"{listed}: in the URL's query, which is not read; send each as a field of the form")
@@ -73,8 +73,8 @@ def check_query(names: Iterable[str]) -> None:
 def parse_form(parts: Iterable[tuple[str, UploadFile | str]], kind: Kind) -> Upload:
     """Parses the parts of a job's form.
 
-    Raises `InvalidOption` for one that is unknown, repeated, missing, out of range or of no use to the format,
-    `UnknownModel`, and `Unreadable` for the text of a display that can't be read.
+    Raises `InvalidOption` for a part that is unknown, repeated, missing, out of range or not used by the format,
+    `UnknownModel`, and `Unreadable` for a display's file that can't be read.
     """
     upload: UploadFile | None = None
     texts: dict[str, str] = {}
@@ -95,7 +95,7 @@ def parse_form(parts: Iterable[tuple[str, UploadFile | str]], kind: Kind) -> Upl
             if name not in files:
                 allowed = " and ".join(map(repr, (FILE, *files)))
                 is_field = name in (*kind.options, *_list_others(kind))
-                remedy = "send this as a plain field" if is_field else "name the file so; send several as a zip"
+                remedy = "send this as a plain field" if is_field else "use that name; send several as a zip"
                 raise InvalidOption(f"{clean_text(name)[:40]}: a file; only {allowed} may be one, {remedy}")
             texts[name] = decode_text(value.file.read(MOST_TEXT + 1), name)
         elif value.strip() or name not in (*kind.options, *_list_others(kind)):  # web forms send empty fields too
@@ -118,19 +118,19 @@ def parse_form(parts: Iterable[tuple[str, UploadFile | str]], kind: Kind) -> Upl
 
 
 def _is_left_empty(value: UploadFile | str) -> bool:
-    """Whether a browser sends this for a file input without a file."""
+    """Checks whether this is what a browser sends for a file input without a file."""
     return isinstance(value, UploadFile) and not value.filename and not value.size
 
 
 def _list_others(kind: Kind) -> tuple[str, ...]:
-    """The fields beside the file and the options."""
+    """Lists the fields other than the file and the options."""
     return (SCENE, FORMAT) if kind.takes_scenes else (FORMAT,)
 
 
 def _find_input(upload: UploadFile | None, scene: str | None, kind: Kind) -> _Input:
     if scene is not None:
         if upload is not None:
-            raise InvalidOption(f"{SCENE}: given beside a file; send one of them")
+            raise InvalidOption(f"{SCENE}: given together with a file; send one of them")
         if scene not in SCENES:
             raise InvalidOption(f"{SCENE}: no {clean_text(scene)[:40]!r} here; give one of {', '.join(SCENES)}")
         return _Input(SCENE_PREFIX + scene, io.BytesIO(), 0)
@@ -141,8 +141,10 @@ def _find_input(upload: UploadFile | None, scene: str | None, kind: Kind) -> _In
 
 
 def _make_name(given: str, kind: Kind) -> str:
-    """`upload` and what of the given name is used: the suffix, and of a light field what makes readers take it for a
-    quilt or for ESLF. Raises `InvalidOption` where the layout of a quilt is out of range.
+    """Makes the name of the input: `upload` and the parts of the given name that are used.
+
+    These are the suffix and, for a light field, the part that marks a quilt or ESLF. Raises `InvalidOption` if the
+    layout of a quilt is out of range.
     """
     path = PurePosixPath(given.replace("\\", "/"))
     suffix = path.suffix.lower()

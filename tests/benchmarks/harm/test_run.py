@@ -97,7 +97,7 @@ def test_inputs_are_measured_beside_those_that_ship(tmp_path):
         (["--model", "fast"], "--model: this is for the harm table"),
         (["--harm", "--rounds", "3"], "--rounds: the harm table measures no times"),
         (["--harm", "--lenses", "5x5", "6x6"], "--lenses: 5x5 and 6x6"),
-        (["--harm", "--lenses", "4"], "--lenses: '4' is no whole number from 8"),
+        (["--harm", "--lenses", "4"], "--lenses: '4' is not a whole number from 8"),
         (["--harm", "--model", "gpt"], "no 'gpt' here"),
         (["--harm", "--only", "cars"], "cars"),
         (["--harm", "vase.off"], "vase: this is the name of an input that ships"),

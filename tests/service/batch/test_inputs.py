@@ -47,7 +47,7 @@ def test_globs_and_files(folder):
 def test_inputs_that_differ_in_their_suffix(folder, pattern):
     """The advice is taken, and a later input changes no name."""
     (folder / "a.jpg").touch()
-    with pytest.raises(InvalidOption, match="would have the name of that of") as refused:
+    with pytest.raises(InvalidOption, match="would have the same name as that of") as refused:
         name_outputs(find(folder), pattern)
     advised = str(refused.value).rpartition("give --name ")[2].strip("'")
     end = ".zip" if "zip" in pattern else ""
@@ -83,7 +83,7 @@ def test_a_folder_of_views_is_one_input(tmp_path):
 @pytest.mark.parametrize(
     ("texts", "message"),
     [
-        ([""], "is no name"),
+        ([""], "is not a name"),
         (["absent.png"], "no such file"),
         (["*.absent"], "holds no input"),
         (["nosuch://y"], "no such kind"),
@@ -98,10 +98,10 @@ def test_what_is_no_input(texts, message):
 @pytest.mark.parametrize(
     ("pattern", "message"),
     [
-        ("{stem}", "would have the name of that of"),
+        ("{stem}", "would have the same name as that of"),
         ("{path.parent}", "not understood"),
         ("{absent}", "not understood"),
-        ("../{path}", "leads out"),
+        ("../{path}", "is outside the folder"),
         ("/", "not understood"),
     ],
 )

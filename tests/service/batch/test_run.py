@@ -126,7 +126,7 @@ def test_outputs_in_an_input_are_refused_before_they_are_inputs(tmp_path, monkey
     monkeypatch.chdir(tmp_path / "in" if given.startswith(".") else tmp_path)
     out = str(tmp_path / "in" / "out")
     assert main(["batch", given, "-o", out, "--workers", "1", *ARRAY]) == 2
-    assert f"{out}: in the input {given}, as a part of which it would be read; give another folder" in (
+    assert f"{out}: this lies in the input {given} and would be read as a part of it; give another folder" in (
         capsys.readouterr().err
     )
     assert not (tmp_path / "in" / "out").exists()

@@ -81,8 +81,8 @@ def empty_folder(tmp_path, monkeypatch):
         (["evaluate"], ["MODEL", "--light-field"]),
         (["evaluate", "fast"], ["MODEL", "--light-field"]),
         (["evaluate", "fast", "--foo", "a"], ["unrecognized", "--foo", "see ciir evaluate --help"]),
-        (["reconstruct", "scene:vase", "--lens", "5x5", "-o", "a.png"], ["--lens 5x5; --lenses may be meant"]),
-        (["evaluate", "--light-feild", "a"], ["--light-feild; --light-field may be meant"]),
+        (["reconstruct", "scene:vase", "--lens", "5x5", "-o", "a.png"], ["--lens 5x5; did you mean --lenses?"]),
+        (["evaluate", "--light-feild", "a"], ["--light-feild; did you mean --light-field?"]),
         (["models", "--lens", "5x5"], ["--lens 5x5; see ciir models --help"]),
         (["evaluate", "fast", "a", "--grid", "5x5"], ["--grid", "--light-field"]),
         (["evaluate", "--light-field", "gone"], ["gone", "no such folder", "views"]),
@@ -217,7 +217,7 @@ def test_output_over_the_input_is_refused(tmp_path, capsys):
     assert "the input is there" in fails(capsys, "reconstruct", view, *common, "--views", "all", "-o", tmp_path)
     assert "the input is there" in fails(capsys, "reconstruct", view, *common, "-o", link)
     assert view.read_bytes() == before
-    assert "'' is no name" in fails(capsys, "reconstruct", "", "-o", tmp_path / "out")
+    assert "'' is not a name" in fails(capsys, "reconstruct", "", "-o", tmp_path / "out")
 
 
 @pytest.mark.parametrize(
@@ -265,5 +265,5 @@ def test_help_says_of_several_poses_only_what_the_command_makes_of_them(capsys, 
     with pytest.raises(SystemExit):
         main([command, "--help"])
     printed = " ".join(capsys.readouterr().out.split())
-    assert "moment of a glTF mesh's animation (default: as it is stored)" in printed
+    assert "time in a glTF mesh's animation (default: the mesh as it is stored)" in printed
     assert printed.count("make a video of one view") == 2 * is_video

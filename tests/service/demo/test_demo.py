@@ -32,7 +32,7 @@ def test_demo(small, tmp_path, capsys):
     single, default = catalogue.default_name(), catalogue.light_field_default_name()
     for scene, line in (("vase", vase), ("hamburger", hamburger)):
         decibels = r"[+-]\d+\.\d\d dB against"
-        made = rf"{scene}: 9 views by {default}, the centre one \d+\.\d\d dB, SSIM 0\.\d{{3}}"
+        made = rf"{scene}: 9 views by {default}, the centre view \d+\.\d\d dB, SSIM 0\.\d{{3}}"
         assert re.fullmatch(rf"{made}: {decibels} bicubic, {decibels} {single}", line)
     assert last.endswith("eia.png, view_before.png, view_after.png of the hamburger; contact_sheet.png of all scenes")
 

@@ -1,4 +1,4 @@
-"""`ciir convert`: writes a light field in another format, or that of a mesh."""
+"""`ciir convert`: writes a light field, or all views of a mesh, in another format."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _find_format(wanted: str | None, out: str) -> str | None:
-    """The name of the format to write; None for a folder of views."""
+    """Returns the name of the format to write, or None for a folder of views."""
     if wanted is None:
         is_file = output_path.names_file(out, list(WHOLE_BY_SUFFIX), what="a light field")
         return WHOLE_BY_SUFFIX[Path(out).suffix.lower()].name if is_file else None

@@ -1,4 +1,4 @@
-"""`ciir depth`: writes the disparity of a view, and beside it the confidence; or a model of what the views show."""
+"""`ciir depth`: writes the disparity of a view together with its confidence, or a model of what the views show."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def run(args: argparse.Namespace) -> None:
     is_model = path.suffix.lower() in _MODELS and args.to is None
     if not is_model and args.to is None and path.suffix.lower() not in {entry.suffix for entry in FORMATS.values()}:
         listed = ", ".join(dict.fromkeys([*(entry.suffix for entry in FORMATS.values()), *_MODELS]))
-        raise InvalidOption(f"{path}: no name of a disparity map or a model; end it with {listed}")
+        raise InvalidOption(f"{path}: not the name of a disparity map or a model; end it with {listed}")
     name = None if is_model else find_format(path, args.to).name
     beside = None if is_model else path.with_stem(path.stem + CONFIDENCE)
     output_path.check_places(args, *([beside] if beside else []))
@@ -41,17 +41,17 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _write_map(source: Source, options: Options, path: Path, name: str) -> tuple[Report, str]:
-    """The report, and what was written."""
+    """Writes the map, and returns the report and a description of what was written."""
     with common.progress_bar("picture") as progress:
         found, report = find_disparity(source, options, progress=progress)
     described = report["disparity"]
     described |= write_disparity(path, found, name)
-    size = f"{described['height']}x{described['width']} pixels, beside it {described['confidence']}"
+    size = f"{described['height']}x{described['width']} pixels; confidence in {described['confidence']}"
     return report, f"disparity of view {found.view[0]},{found.view[1]}, {_describe_range(described)}, {size}"
 
 
 def _describe_range(described: Report) -> str:
-    """The least and the largest disparity that the view shows."""
+    """Describes the range of disparities in the view."""
     found = described["confident"]
     if found is None:
         return "which has too little texture to tell"

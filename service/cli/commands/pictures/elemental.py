@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Writes the elemental image array, and the report where one is asked for."""
+    """Writes the elemental image array, and the report if one is asked for."""
     path = Path(args.out)
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES or args.out.endswith("/"):

@@ -1,4 +1,4 @@
-"""`ciir refocus`: makes depth planes, or a picture that is in focus everywhere, of any input."""
+"""`ciir refocus`: makes depth planes, or a picture that is in focus everywhere, from any input."""
 
 from __future__ import annotations
 
@@ -38,7 +38,10 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _find_writer(out: str, count: int, fps: float | None) -> Callable[[Stack], list[str]]:
-    """What writes `count` planes to `out`. Raises `InvalidOption`, also for `fps` where that is no video."""
+    """Returns the function that writes `count` planes to `out`.
+
+    Raises `InvalidOption` if it can't write them, or if `fps` is given but `out` is not a video.
+    """
     writers, by_suffix = (PLANE, PLANE_BY_SUFFIX) if count == 1 else (STACK, STACK_BY_SUFFIX)
     what, suffix = "one plane" if count == 1 else "a stack of planes", Path(out).suffix.lower()
     if output_path.names_file(out, list(by_suffix), what=what):

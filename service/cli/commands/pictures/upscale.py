@@ -29,7 +29,7 @@ _TAKEN = (
 
 
 def run(args: argparse.Namespace) -> None:
-    """Writes the upscaled pictures, and the report where one is asked for."""
+    """Writes the upscaled pictures, and the report if one is asked for."""
     path = Path(args.out)
     output_path.check_places(args)
     options, bundle = common.parse_options(args), _bundle(args.input)
@@ -61,7 +61,7 @@ def _bundle(text: str) -> Bundle:
         raise InvalidOption(f"{text}: a scene is a mesh, not a picture; upscale its views with `ciir reconstruct`")
     if is_container(text):
         raise InvalidOption(
-            f"{text}: is no picture file; of a light field `ciir convert` makes pictures of its views, and "
+            f"{text}: this is not a picture file; `ciir convert` writes the views of a light field as pictures, and "
             "`ciir reconstruct` upscales them"
         )
     try:

@@ -1,1 +1,1 @@
-"""What a worker process is not allowed to do, by limits, seccomp, Landlock and without capabilities."""
+"""Restrictions of a worker process, by limits, seccomp, Landlock and the removal of capabilities."""

@@ -1,6 +1,7 @@
-"""What a worker process may open, by Landlock: libraries, networks, fonts and drivers, to read; no files of any job.
+"""Restricts the files that a worker process can open, by Landlock, to libraries, networks, fonts and drivers.
 
-A job's input and result come as open files (`service.jobs.workers.worker`). See landlock(7) of Linux.
+They can only be read. Files of jobs can't be opened: a job's input and result come as open files
+(`service.jobs.workers.worker`). See landlock(7) of Linux.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ _VERSION = 1
 _RULE_PATH_BENEATH = 1
 _WRITE, _READ, _LIST, _TRUNCATE, _IOCTL = 2, 4, 8, 1 << 14, 1 << 15
 _RIGHTS = ((1, 0x1FFF), (2, 1 << 13), (3, _TRUNCATE), (5, _IOCTL))
-"""Rights to files, and the version that has them first."""
+"""Rights to files, and the version that introduced them."""
 _NETWORK = (4, 0b11)  # bind and connect TCP
 _SCOPES = (6, 0b11)  # abstract sockets, signals
 _LATEST_NEEDED = 6
@@ -37,18 +38,18 @@ READ = (
     "/sys/devices", "/sys/bus", "/sys/class/drm", "/sys/dev/char",
     "/dev/urandom", "/dev/random", "/dev/zero", "/run/opengl-driver",
 )  # fmt: skip
-"""Files and folders of the system that may be read."""
+"""Files and folders of the system that can be read."""
 DEVICES = ("/dev/null", "/dev/dri", "/dev/nvidiactl", "/dev/nvidia0", "/dev/nvidia-modeset", "/dev/nvidia-uvm")
-"""Devices, of graphics too, that may be read, written and controlled."""
+"""Devices, including graphics, that can be read, written and controlled."""
 
 _kept: list[int] = []
-"""Open folders that rules are about: a folder of /proc that nobody has open may get another identity, without rules."""
+"""Open folders to which rules apply: a folder of /proc that nobody has open can get another identity, without rules."""
 
 
 def restrict(readable: Sequence[str]) -> list[str]:
     """Restricts this thread and those that it starts. Returns what could not be restricted.
 
-    `readable`: files that may be read too. Raises `PermissionError` if those of Python or this package can't be read.
+    `readable`: more files that can be read. Raises `PermissionError` if those of Python or this package can't be read.
     """
     package = Path(__file__).parents[4]
     for path in (sys.prefix, sys.base_prefix, str(package)):
@@ -68,7 +69,7 @@ def restrict(readable: Sequence[str]) -> list[str]:
 
 
 def find_exposed(private: Mapping[str, Path]) -> list[str]:
-    """Sentences on those of `private`, paths by name, that worker processes may read as they lie among libraries."""
+    """Returns a sentence on each of `private`, paths by name, that is exposed because it lies among libraries."""
     package = Path(__file__).parents[4]
     granted = [Path(path).resolve() for path in _list_readable(package, ())]
     sentences = []
@@ -105,7 +106,7 @@ def _list_readable(package: Path, more: Sequence[str]) -> list[str]:
 
 
 def _allow(rules: int, path: str, rights: int) -> None:
-    """Adds a rule, unless there is no such path for this user."""
+    """Adds a rule, unless the path does not exist for this user."""
     try:
         opened = os.open(path, os.O_PATH | os.O_CLOEXEC)
     except (FileNotFoundError, NotADirectoryError, PermissionError):

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _OPEN_FILES = 1024
 _HEAPS = 4
-"""Each takes 64 MiB of address space."""
+"""Each heap takes 64 MiB of address space."""
 _PR_SET_PDEATHSIG, _PR_SET_DUMPABLE, _PR_SET_NO_NEW_PRIVS = 1, 4, 38
 _CAPABILITY_VERSION_3 = 0x20080522
 
@@ -32,9 +32,10 @@ missing: list[str] = []
 def enter(memory: int, file: int, parent: int, readable: Sequence[str] = ()) -> None:
     """Restricts this process for the rest of its life, and makes it end with the process id `parent`.
 
-    `memory`: bytes of address space; `file`: bytes of each file that it writes; `readable`: files that it may open
-    besides libraries. Sets `missing`. Call it while the process has one thread: capabilities and Landlock are of a
-    thread and those that it starts. Raises `PermissionError` if only root's capabilities allow to read the libraries.
+    `memory`: bytes of address space; `file`: bytes of each file that it writes; `readable`: files that it may open in
+    addition to libraries. Sets `missing`. Call it while the process has only one thread, because capabilities and
+    Landlock apply to a thread and those that it starts. Raises `PermissionError` if the libraries can be read only with
+    root's capabilities.
     """
     limit_heaps(_HEAPS)
     for number in (signal.SIGTERM, signal.SIGINT):
@@ -54,7 +55,7 @@ def enter(memory: int, file: int, parent: int, readable: Sequence[str] = ()) -> 
 
 
 def allow_cpu(seconds: int) -> None:
-    """Allows so much processor time from now on, for all threads together; then SIGXCPU ends the process."""
+    """Allows `seconds` of processor time from now on, for all threads together; then SIGXCPU ends the process."""
     used = resource.getrusage(resource.RUSAGE_SELF)
     until = int(used.ru_utime + used.ru_stime) + 1 + seconds
     hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
@@ -82,7 +83,7 @@ def _set_limits(memory: int, file: int) -> list[str]:
 def _die_with(parent: int) -> None:
     """Makes the system kill this process when its parent is killed."""
     _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:  # it was killed before
+    if os.getppid() != parent:  # it has already been killed
         os.kill(os.getpid(), signal.SIGKILL)
 
 

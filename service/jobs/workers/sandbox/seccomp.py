@@ -1,6 +1,6 @@
-"""A filter of system calls, by seccomp(2): no sockets, programs and child processes, nothing done to other processes.
+"""A filter of system calls, by seccomp(2): no sockets, programs or child processes, and no access to other processes.
 
-What Landlock does not restrict is refused here: rights, owners and times of files, and what System V shares.
+It also refuses what Landlock does not restrict: permissions, owners and times of files, and System V shared objects.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ REFUSED = {
     "setns": (308, 268), "open_tree": (428, 428), "move_mount": (429, 429), "fsopen": (430, 430),
     "fsconfig": (431, 431), "fsmount": (432, 432), "fspick": (433, 433), "mount_setattr": (442, 442),
     "open_by_handle_at": (304, 265),
-    # Files, where Landlock lets pass
+    # Files, as far as Landlock allows them
     "chmod": (90, None), "fchmod": (91, 52), "fchmodat": (268, 53), "fchmodat2": (452, 452), "chown": (92, None),
     "lchown": (94, None), "fchown": (93, 55), "fchownat": (260, 54), "utime": (132, None), "utimes": (235, None),
     "futimesat": (261, None), "utimensat": (280, 88), "setxattr": (188, 5), "lsetxattr": (189, 6),
@@ -57,7 +57,7 @@ REFUSED = {
 }  # fmt: skip
 """System calls that fail with `EACCES`."""
 _CLONE3 = 435
-"""It keeps its flags where no filter sees them, so it seems not to exist; the C library then takes `clone`."""
+"""Filters can't see its flags, so it is made to look missing; the C library then uses `clone`."""
 
 
 def restrict() -> list[str]:
@@ -77,7 +77,7 @@ def restrict() -> list[str]:
 
 
 def _make_program(machine: str, pid: int) -> list[tuple[int, int, int, int]]:
-    """Steps of classic BPF: code, steps to jump if true and if false, value."""
+    """Returns the steps of classic BPF: code, steps to jump if true and if false, value."""
     column = list(_ARCHITECTURES).index(machine)
     refuse = (_RETURN, 0, 0, _ERRNO | _EACCES)
     program = [
@@ -104,7 +104,7 @@ def _make_program(machine: str, pid: int) -> list[tuple[int, int, int, int]]:
 
 
 def _list_rules(pid: int) -> list[tuple[tuple[int, int], int, int, tuple[int, ...], bool]]:
-    """Calls that an argument decides: (x86_64, aarch64), which argument, the test, values, whether a match allows."""
+    """Lists calls that an argument decides: (x86_64, aarch64), which argument, test, values, whether a match allows."""
     return [
         ((56, 220), 0, _JUMP_SET, (_CLONE_THREAD,), True),  # clone: threads, no processes
         ((62, 129), 0, _JUMP_EQUAL, (pid,), True),  # kill
@@ -112,7 +112,7 @@ def _list_rules(pid: int) -> list[tuple[tuple[int, int], int, int, tuple[int, ..
         ((302, 261), 0, _JUMP_EQUAL, (0, pid), True),  # prlimit64
         ((203, 122), 0, _JUMP_EQUAL, (0, pid), True),  # sched_setaffinity
         ((157, 167), 0, _JUMP_EQUAL, (1,), False),  # prctl: PR_SET_PDEATHSIG stays
-        # fcntl: F_SETOWN, F_SETSIG, F_SETOWN_EX and F_NOTIFY send signals, F_SETLEASE delays who opens the file
+        # fcntl: F_SETOWN, F_SETSIG, F_SETOWN_EX and F_NOTIFY send signals; F_SETLEASE delays others that open the file
         ((72, 25), 1, _JUMP_EQUAL, (8, 10, 15, 1024, 1026), False),
         ((16, 29), 1, _JUMP_EQUAL, (0x8901, 0x8902), False),  # ioctl: FIOSETOWN, SIOCSPGRP
     ]

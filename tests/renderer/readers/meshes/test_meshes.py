@@ -219,7 +219,7 @@ def test_poses_are_for_formats_that_have_them(pose: MeshPose) -> None:
 
 
 def test_a_camera_has_an_up_of_its_own() -> None:
-    with pytest.raises(InvalidOption, match="up, camera: a camera has an up of its own; leave one of them out"):
+    with pytest.raises(InvalidOption, match="up, camera: a camera has its own up direction; leave one of them out"):
         Input("vase").read(Options(up="z", camera="0"))
 
 

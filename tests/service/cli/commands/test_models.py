@@ -19,7 +19,7 @@ def test_models(capsys):
         "field-quality",
         "field-quality-int8",
     ]
-    assert "model auto, what `ciir reconstruct` does where none is named: field for views of a grid" in text
+    assert "model auto, which `ciir reconstruct` uses unless another is named: field for grids of 3x3 views" in text
 
 
 def test_models_says_which_are_not_for_this_machine(capsys, monkeypatch):
@@ -33,7 +33,7 @@ def test_models_says_which_are_not_for_this_machine(capsys, monkeypatch):
     monkeypatch.setattr(models.catalogue.processor, "int8_unsupported_reason", lambda: "this processor has no VNNI")
     assert main(["models"]) == 0
     text = capsys.readouterr().out
-    assert f"{models.DEFAULT} is not for this machine: this processor has no VNNI; use slow" in text
+    assert f"{models.DEFAULT} does not run on this machine: this processor has no VNNI; use slow" in text
     assert "bicubic is not" not in text
     assert main(["models", "--json"]) == 0
     listed = {model["name"]: model for model in json.loads(capsys.readouterr().out)}

@@ -29,5 +29,5 @@ def test_all_lines_of_the_log_are_in_its_format(tmp_path):
         pass
     lines = [line for line in log.read_text().splitlines() if not line.startswith("http://")]
     messages = [json.loads(line)["message"] for line in lines]
-    assert sum("CIIR_NOPE is set, but is no setting" in message for message in messages) == 1
+    assert sum("CIIR_NOPE is set, but is not a setting" in message for message in messages) == 1
     assert sum(f"jobs are in {tmp_path / 'service'}, inputs and results in" in message for message in messages) == 1

@@ -31,7 +31,7 @@ def test_evaluate(tmp_path, capsys):
     capsys.readouterr()
     assert "no such folder" in fails(capsys, "evaluate", "nearest", tmp_path / "gone")
     file = tmp_path / "a_HR.png"
-    assert f"{file}: a file, where a folder of pictures is needed" in fails(capsys, "evaluate", "nearest", file)
+    assert f"{file}: a file, but a folder of pictures is needed" in fails(capsys, "evaluate", "nearest", file)
     assert f"give --light-field {file}" in fails(capsys, "evaluate", "nearest", tmp_path, file)
     assert "gpt" in fails(capsys, "evaluate", "gpt", tmp_path)
     assert "_LR.png" in fails(capsys, "evaluate", "nearest", Path(__file__).parent)
@@ -130,7 +130,7 @@ def test_evaluate_through_a_jpeg_of_the_array(tmp_path, capsys):
         assert least < score["psnr"] < most
     capsys.readouterr()
     assert "--jpeg: 101 is out of range; give 1 to 100" in fails(capsys, *given, "101")
-    assert "--jpeg: this is for --light-field" in fails(capsys, "evaluate", "fast", str(tmp_path), "--jpeg", "75")
+    assert "--jpeg: this goes with --light-field" in fails(capsys, "evaluate", "fast", str(tmp_path), "--jpeg", "75")
 
 
 WITHOUT_TORCH = """

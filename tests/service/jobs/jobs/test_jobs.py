@@ -215,7 +215,7 @@ def test_a_full_queue(service):
     with pytest.raises(QueueFull) as raised:
         submit_data(jobs, b"2")
     assert 1 <= raised.value.retry_after <= 2
-    assert str(raised.value).startswith("the queue is full: 2 jobs wait, and 2 may; try again in ")
+    assert str(raised.value).startswith("the queue is full: 2 jobs wait, and the limit is 2; try again in ")
     assert submit_data(jobs, bytes([1])) == queued[1]
     assert submit_data(jobs, b"2", views="all").lane == "large"  # the other lane is not full
     assert len(list_files(jobs)) == 3

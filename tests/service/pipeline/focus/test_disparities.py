@@ -92,7 +92,7 @@ def test_where_a_mesh_is_not_seen_it_is_as_far_as_its_farthest_point():
 @pytest.mark.parametrize(
     ("source", "texts", "message"),
     [
-        (make_plane(0), {"limits": "2:1"}, "limits: 2:1 is no range"),
+        (make_plane(0), {"limits": "2:1"}, "limits: 2:1 is not a range"),
         (make_plane(0), {"view": "5,0"}, "view: 5,0 is not there; v goes from 0 to 4"),
         ("vase", {**MESH, "limits": "0:1"}, "limits: the disparity of a mesh is rendered"),
         ("vase", {**MESH, "sampling": "lenslet"}, "sampling: the disparity of a mesh is that of each lens's centre"),

@@ -65,7 +65,7 @@ def test_views_beyond_the_aperture_are_not_upscaled(monkeypatch, model, given, c
 def test_larger_is_nearer_with_both_depth_senses():
     lenses, _, report = run(LENSES, disparity="1.25")
     np.testing.assert_allclose(lenses[0], next(library.refocus(LENSES.views, [-1.25])), atol=1e-3)
-    assert "over 0 lie before the lens array" in report["notes"][0]
+    assert "over 0 lie in front of the lens array" in report["notes"][0]
     cameras, _, report = run(CAMERAS, disparity="1.25")
     np.testing.assert_allclose(cameras[0], next(library.refocus(LENSES.views, [1.25])), atol=1e-3)
     assert report["notes"] == ["written"]
@@ -94,7 +94,7 @@ def test_after_upscaling_the_same_options_show_the_same_depth():
     large = CAMERAS.views.repeat(2, axis=2).repeat(2, axis=3)
     np.testing.assert_allclose(planes, np.stack(list(library.refocus(large, [0, 1]))), atol=1e-3)
     assert report["planes"][1]["disparity"] == 0.5
-    assert "planes have 2 for each" in report["notes"][0]
+    assert "planes have 2 pixels for each" in report["notes"][0]
 
 
 def test_all_in_focus_is_that_of_the_library():
@@ -160,7 +160,7 @@ def test_progress_counts_views_and_planes():
         ({"disparity": "1", "limits": "0:1"}, "limits: this is for all_in_focus"),
         ({"all_in_focus": "yes", "disparity": "1"}, "disparity, all_in_focus: these ask for different pictures"),
         ({"all_in_focus": "yes", "method": "delta"}, "method: this is for planes"),
-        ({"all_in_focus": "yes", "limits": "1:0"}, "limits: 1:0 is no range"),
+        ({"all_in_focus": "yes", "limits": "1:0"}, "limits: 1:0 is not a range"),
         ({"disparity": "1", "aperture": "0.1", "aperture_shape": "square"}, None),
     ],
 )

@@ -108,7 +108,9 @@ def test_a_black_object_on_black_is_noted(background):
     square = b"mtllib a.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
     black = Bundle("black", "a.obj", {"a.obj": square, "a.mtl": b"newmtl a\nKd 0 0 0\n"})
     _, report = run(black, background=background)
-    assert any("give another, as in background ffffff" in note for note in report["notes"]) == (background[0] == 0)
+    assert any("give another one, such as background ffffff" in note for note in report["notes"]) == (
+        background[0] == 0
+    )
 
 
 def test_a_see_through_material_takes_rays():

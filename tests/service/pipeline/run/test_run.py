@@ -229,7 +229,7 @@ def test_a_mesh_that_no_view_shows_is_noted(cube, options):
 
 def test_a_mesh_of_which_only_hidden_backs_are_seen_is_noted():
     bundle = Bundle.from_upload("square.glb", Model().glb())  # faces +z, and is turned away
-    for rotate, words in ((180, "or only backs are seen, which its materials hide"), (0, None)):
+    for rotate, words in ((180, "or only back faces are seen, which its materials hide"), (0, None)):
         views, report = run(bundle, model="none", views="1,2", rotate=(rotate, 0, 0), **SMALL)
         assert any(pixels.any() for pixels in views.values()) == (words is None)
         assert words is None or any(words in note for note in report["notes"])

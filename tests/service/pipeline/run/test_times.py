@@ -107,7 +107,7 @@ def test_where_nothing_is_visible_the_background_is_drawn(backend, camera):
     is_background = [(picture == (10, 20, 30)).all() for picture in views.values()]
     assert is_background == [True, False, True]
     assert report["input"]["triangles"] == 2
-    noted = "time: nothing of the mesh is visible at 2 of 3 times, the first 0 s: the background alone is drawn"
+    noted = "time: nothing of the mesh is visible at 2 of 3 times, the first 0 s; only the background is drawn then"
     assert [note for note in report["notes"] if "camera" not in note] == [noted]
     with pytest.raises(NothingVisible, match="give another time than 0"):
         run(source, time=(0.0, 0.0), camera=camera)

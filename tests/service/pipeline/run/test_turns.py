@@ -97,7 +97,7 @@ def test_the_video_has_a_frame_for_each_yaw_and_may_be_saved_later(tmp_path):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"time": "0,1"}, "rotate, time: 4 yaws and 2 times are given; give several of one, and one of the other"),
+        ({"time": "0,1"}, "rotate, time: 4 yaws and 2 times are given; give several of only one of the two"),
         ({"views": "cross"}, "rotate: 4 yaws make a video of one view, and 5 views .*; give .* or one yaw"),
         ({"source": LightField(np.zeros((3, 3, 30, 40, 3), np.uint8)), "pixels": "3x3"}, "rotate: this is for meshes"),
     ],

@@ -47,5 +47,5 @@ def test_no_object_at_all():
     check = ObjectCheck((0, 0, 0))
     check.add(np.zeros((2, 2, 4), np.uint8))
     (note,) = check.list_notes()
-    assert "no view that was asked for shows the object: it is smaller than a pixel, edge-on, or" in note
+    assert "none of the requested views shows the object: it is smaller than a pixel, edge-on, or" in note
     assert "give another rotate, zoom or delta, more lenses, or other views" in note

@@ -187,7 +187,7 @@ def test_the_fallback_share_is_noted(stand_in):
     _, report = run(eia, lenses=(6, 9))
     (note,) = report["notes"]
     assert note.startswith(
-        "100 % of the pixels were made by quality from their view alone: the views around don't match"
+        "100 % of the pixels were made by quality from their view alone: the neighbouring views don't match"
     )
 
 
@@ -197,8 +197,8 @@ def test_the_fallback_share_is_noted(stand_in):
         (None, []),
         (Sampling("means", 1, 0, 0), []),
         (Sampling("means", 1, 0.5, 0), ["are brought closer to what was seen"]),
-        (Sampling("filter", 1, 0, 0), ["are means of what field and quality make of them"]),
-        (Sampling("filter", 1, 1, 0), ["are means of what field and quality make of them", "are brought closer"]),
+        (Sampling("filter", 1, 0, 0), ["are means of the results of field and quality"]),
+        (Sampling("filter", 1, 1, 0), ["are means of the results of field and quality", "are brought closer"]),
     ],
 )
 def test_the_report_says_what_follows_from_the_sampling(stand_in, monkeypatch, found, expected):
@@ -232,4 +232,4 @@ def test_views_apart_help_where_content_hardly_moves(stand_in, monkeypatch):
     for (v, u), picture in made.items():
         apart = field[v % 2 :: 2, u % 2 :: 2]
         assert np.abs(picture - upscale_as_stand_in(apart, (v // 2, u // 2))).max() < ROUNDED
-    assert "those 2 apart do" in report["plan"]["reasons"][0]
+    assert "views 2 apart are used" in report["plan"]["reasons"][0]

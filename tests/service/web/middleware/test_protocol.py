@@ -154,10 +154,10 @@ LENGTH = b"POST /3 HTTP/1.1\r\nHost: x\r\n%s\r\n\r\n5\r\nhello\r\n0\r\n\r\nGET /
     [
         (b"Content-Length: 5\r\nTransfer-Encoding: chunked", "Content-Length and Transfer-Encoding are both given"),
         (b"transfer-encoding:chunked\r\ncontent-length:5", "Content-Length and Transfer-Encoding are both given"),
-        (b"Content-Length: 5, 5", "Content-Length is no single number"),
-        (b"Content-Length: 5\r\nContent-Length: 5", "Content-Length is no single number"),
-        (b"X: y\nContent-Length: 5,5", "Content-Length is no single number"),
-        (b"Content-Length: 5\r\n ,5", "a header goes on in a second line"),
+        (b"Content-Length: 5, 5", "Content-Length is not a single number"),
+        (b"Content-Length: 5\r\nContent-Length: 5", "Content-Length is not a single number"),
+        (b"X: y\nContent-Length: 5,5", "Content-Length is not a single number"),
+        (b"Content-Length: 5\r\n ,5", "a header continues on a second line"),
         (b"Content-Length: +5", "bad Content-Length"),
     ],
 )
@@ -188,7 +188,7 @@ def test_a_refused_request_has_all_headers_and_is_logged_and_counted(port, caplo
         assert f"\r\n{name}: {value}".lower() in head.lower()
     assert json.loads(body)["instance"] == "/v1/upscales"
     (line,) = [record.message for record in caplog.records if record.name == "ciir.access"]
-    assert line.startswith(f"refused POST /v1/upscales from {client}: 400, Content-Length is no single number; send")
+    assert line.startswith(f"refused POST /v1/upscales from {client}: 400, Content-Length is not a single number; send")
     assert count("POST", "400") == before + 1
 
 

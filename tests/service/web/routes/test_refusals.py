@@ -42,7 +42,7 @@ def test_server_errors_are_problems_without_details(own, eia, monkeypatch, caplo
 
 def test_a_full_queue(own, eia, monkeypatch, caplog):
     def submit(*_, **__):
-        raise QueueFull("the queue is full: 2 jobs wait, and 2 may; try again in 7 s", 7)
+        raise QueueFull("the queue is full: 2 jobs wait, and the limit is 2; try again in 7 s", 7)
 
     monkeypatch.setattr(own.engine.jobs, "submit", submit)
     with caplog.at_level("INFO", "ciir.jobs"):

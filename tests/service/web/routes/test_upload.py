@@ -96,7 +96,7 @@ def test_bad_input(client, bad_input):
         ("plane", {}, "nothing says what to focus on"),
         ("plane", {"disparity": "1", "stack": "0:1:3"}, "these ask for different pictures"),
         ("plane", {"depth": "5", "sensor": "2"}, "sensor: this needs camera_pitch"),
-        ("disparity", {"limits": "2:-2"}, "limits: 2:-2 is no range"),
+        ("disparity", {"limits": "2:-2"}, "limits: 2:-2 is not a range"),
         ("reconstruction", {"lens_rotation": "1"}, "lens_rotation: this needs lens_pitch"),
         ("reconstruction", {"fps": "5"}, "fps: the default format, png or zip, has no use for it; leave it out, or"),
         ("reconstruction", {"epi": "y=1", "format": "npz"}, "epi: format npz has no use for it; leave it out, or"),
@@ -160,15 +160,15 @@ def test_bad_forms(client, eia):
         client.post(POST, files={"files": ("a.png", eia)}),
         422,
         "files: a file",
-        "only 'file' may be one, name the file so; send several as a zip",
+        "only 'file' may be one, use that name; send several as a zip",
     )
     problem(client.post(POST, files={"lenses": ("a.png", eia)}), 422, "lenses: a file", "send this as a plain field")
-    takes_views = "model: field takes views of a light field, by a reconstruction; for pictures give one of auto, best"
+    takes_views = "model: field takes the views of a light field, in a reconstruction; for pictures give one of auto"
     problem(client.post("/v1/upscales", files={"file": ("a.png", eia)}, data={"model": "field"}), 422, takes_views)
     problem(client.post(POST, files={"lenses": (None, "6x9")}), 422, "file: missing")
     problem(client.post(POST, files={"scene": (None, "../vase")}), 422, "scene: no '../vase' here", "vase, globe")
     problem(client.post(POST, files={"scene": ("vase.png", eia)}), 422, "scene: a file")
-    problem(send(client, data=eia, lenses="6x9", scene="vase"), 422, "beside a file")
+    problem(send(client, data=eia, lenses="6x9", scene="vase"), 422, "together with a file")
     problem(client.post("/v1/upscales", files={"scene": (None, "vase")}), 422, "'scene': no such field")
     problem(client.post(POST, files={"file": (None, "text")}), 422, "plain field")
     problem(client.post(POST, files=[("lenses", (None, "6x9")), ("lenses", (None, "1x1"))]), 422, "twice")

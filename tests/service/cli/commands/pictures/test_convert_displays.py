@@ -71,7 +71,7 @@ def test_black_before_black_is_noted(folder, capsys, to):
     (folder / "set/a.obj").write_text("mtllib a.mtl\nusemtl black\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     note = "the object hardly stands out from the background 000000: 0.0 % of its pixels differ by over 16 levels"
     assert convert(f"set {to}") == 0
-    assert f"{note}; give another, as in background ffffff" in capsys.readouterr().err
+    assert f"{note}; give another one, such as background ffffff" in capsys.readouterr().err
     assert convert(f"set {to} --background ffffff") == 0
     assert note[:40] not in capsys.readouterr().err
 
@@ -181,7 +181,7 @@ def test_with_fit_none_a_mesh_stays_at_its_own_place(folder):
         ("in.npz -o a.png --display p.toml --conversion x", "conversion: 'x' is not known; give spoc or none"),
         ("in.npz -o a.png --display p.toml --disparity x", "disparity: 'x' is not a number"),
         ("in.npz -o a.png --display p.toml --zoom 2", "zoom: this is for meshes and in.npz holds pictures"),
-        ("scene:vase -o a.png --display p.toml --lenses 9x9", "lenses: the display gives it; leave it out"),
+        ("scene:vase -o a.png --display p.toml --lenses 9x9", "lenses: this is set by the display; leave it out"),
         *(
             (f"scene:vase -o a.png --calibration c.json --{given}", "this is for pictures and ")
             for given in (
@@ -196,7 +196,7 @@ def test_with_fit_none_a_mesh_stays_at_its_own_place(folder):
             "in.npz -o a_qs3x2a1.mp4",
             "a_qs3x2a1.mp4: _qs3x2a1 names a quilt, and mp4 holds no quilts; end the name with",
         ),
-        ("scene:vase -o a.png --display p.toml --backend raster", "backend: pictures for displays are cast by rays"),
+        ("scene:vase -o a.png --display p.toml --backend raster", "backend: pictures for displays are ray-traced"),
     ],
 )
 def test_mistakes_are_named_in_one_line(folder, capsys, words, message):

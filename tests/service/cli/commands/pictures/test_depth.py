@@ -25,7 +25,7 @@ def test_a_map_and_its_confidence(tmp_path, capsys):
     assert disparity.shape == confidence.shape == (20, 24)
     out = capsys.readouterr()
     assert re.search(r"out.pfm: disparity of view 1,1, -\S+ to -\S+ where the mesh is seen, ", out.out)
-    assert "beside it out_confidence.pfm (decode " in out.out
+    assert "confidence in out_confidence.pfm (decode " in out.out
     assert out.err == ""
     described = json.loads((tmp_path / "report.json").read_text())["disparity"]
     assert (described["file"], described["confidence"]) == ("out.pfm", "out_confidence.pfm")
@@ -60,7 +60,7 @@ def test_a_model_is_rendered_again(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["-o", "a.jpg"], "a.jpg: no name of a disparity map or a model; end it with .pfm, .png, .npy, .glb, .ply"),
+        (["-o", "a.jpg"], "a.jpg: not the name of a disparity map or a model; end it with .pfm, .png, .npy, .glb"),
         (["-o", "a.pfm", "--to", "exr"], "format: 'exr' holds no disparity; give pfm, png"),
         (["-o", "a.pfm", "--limits", "0:1"], "limits: the disparity of a mesh is rendered"),
     ],

@@ -49,7 +49,9 @@ def test_upscale_takes_no_light_field_network(stand_in, tmp_path, capsys):
     line = fails(capsys, "upscale", tmp_path / "a.png", "-o", tmp_path / "b.png", "--model", "field")
     assert contains_all(line, ["model field", "ciir reconstruct", "fast"])
     assert "`ciir reconstruct`" in fails(capsys, "upscale", "scene:vase", "-o", tmp_path / "b.png")
-    assert "`ciir convert` makes pictures of its views" in fails(capsys, "upscale", "a.npy", "-o", tmp_path / "b.png")
+    assert "`ciir convert` writes the views of a light field" in fails(
+        capsys, "upscale", "a.npy", "-o", tmp_path / "b.png"
+    )
     assert main(["upscale", str(tmp_path / "a.png"), "-o", str(tmp_path / "b.png")]) == 0
 
 
