@@ -1,4 +1,4 @@
-"""Upscaling of view images: the shipped networks, a card for each, and what runs them on the CPU with onnxruntime.
+"""Upscaling of view images: the shipped networks, a card for each, and the code that runs them with onnxruntime.
 
 ::
 

@@ -141,7 +141,7 @@ class Recipe:
 
 
 def read_recipe(path: Path) -> Recipe:
-    """Reads the recipe in `path`. Raises `ValueError` where it is not TOML, or a key or a value is wrong."""
+    """Reads the recipe in `path`. Raises `ValueError` if it is not TOML, or a key or a value is wrong."""
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
@@ -170,7 +170,7 @@ def read_recipe(path: Path) -> Recipe:
 def find_difference(saved: Mapping[str, Any], recipe: Recipe) -> str:
     """Finds the first field in which a checkpoint's recipe differs, as `steps is 5 there and 9 here`.
 
-    Empty where the run can continue: `CHANGEABLE` fields may differ, and a field that an older checkpoint lacks has its
+    Empty if the run can continue: `CHANGEABLE` fields may differ, and a field that an older checkpoint lacks has its
     default.
     """
     defaults = {

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Corruption:
-    """Upper limits of corruption; each picture draws its own. Raises `ValueError` where one is out of range."""
+    """Upper limits of corruption; each picture draws its own. Raises `ValueError` if one is out of range."""
 
     noise: float = 0.0
     """Largest standard deviation of Gaussian noise, in 8-bit levels, independent for each pixel and channel."""

@@ -112,7 +112,7 @@ class Crops:
         only. `device`: where batches are made, of the same crops: on a GPU from its own copy of all pairs, but for the
         LR that is corrupted, which the CPU makes.
 
-        Raises `ValueError` where one of these or the folder is wrong.
+        Raises `ValueError` if one of these or the folder is wrong.
         """
         known: tuple[str, ...] = downscale.KINDS
         if scenes or meshes:
@@ -224,7 +224,7 @@ def check_degradations(crop: int, scale: int, degradations: Mapping[str, float],
 
 
 def check_labelled(degradations: Mapping[str, float], scale: int) -> None:
-    """Raises `ValueError` where labelled pairs have no share, or `scale` is not theirs."""
+    """Raises `ValueError` if labelled pairs have no share, or `scale` is not theirs."""
     if LABELLED not in degradations:
         raise ValueError(f"degradations: labelled pictures are of no use without {LABELLED}; add a share")
     if scale != labels.SCALE:

@@ -38,7 +38,7 @@ def cell_size(kind: str, scale: int) -> int:
 
 
 def check_kind(kind: str, height: int, width: int, scale: int) -> None:
-    """Raises `ValueError` where `kind` is not one of `KINDS`, or the photograph is smaller than a cell."""
+    """Raises `ValueError` if `kind` is not one of `KINDS`, or the photograph is smaller than a cell."""
     if kind not in KINDS:
         raise ValueError(f"degradation: no {kind!r} here; give one of {', '.join(KINDS)}")
     covered = cell_size(kind, scale)

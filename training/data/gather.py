@@ -61,7 +61,7 @@ def find_pictures(folder: Path) -> Iterator[Place]:
 
 
 def load_picture(content: bytes) -> NDArray[np.uint8] | None:
-    """Decodes and shrinks a picture to 8-bit RGB `(H, W, 3)`; None where it is not a picture, or too small.
+    """Decodes and shrinks a picture to 8-bit RGB `(H, W, 3)`; None if it is not a picture, or too small.
 
     Transparent pixels get a plain background colour that depends on the content only.
     """
@@ -114,7 +114,7 @@ def gather_pictures(folders: Sequence[Path], out: Path, *, at_most: int, exclude
     """Writes tiles of up to `at_most` different pictures of each folder as PNG into `out`; returns how many tiles.
 
     `exclude`: folders of test pictures; pictures that look like one of them are skipped. The selection depends only on
-    the files' contents and paths. Raises `ValueError` where a folder holds no picture or two have one name, and where
+    the files' contents and paths. Raises `ValueError` if a folder holds no picture or two have one name, and where
     `at_most` is less than 1.
     """
     if at_most < 1:

@@ -73,7 +73,7 @@ class MeshLightField(NamedTuple):
 def read_mesh(path: str | Path) -> Scene:
     """Reads the mesh in the file, folder or zip at `path`, and the files it refers to; prints its notes.
 
-    Raises `ValueError` where there is none, or it can't be read.
+    Raises `ValueError` if there is none, or it can't be read.
     """
     bundle = Bundle.from_path(Path(path))
     found = inputs.find_main(bundle)

@@ -28,7 +28,7 @@ VOC = ("JPEGImages", "VOC2012/JPEGImages", "VOCdevkit/VOC2012/JPEGImages")
 def find_pictures(folder: Path) -> list[Path]:
     """Lists the pictures in `folder`, or in VOC2012 where `folder` is or contains it, sorted by name.
 
-    Other files, hidden ones and folders are ignored. Raises `ValueError` where there is no folder, or no picture in it.
+    Other files, hidden ones and folders are ignored. Raises `ValueError` if there is no folder, or no picture in it.
     """
     if not folder.is_dir():
         raise ValueError(f"{folder}: no such folder; name a folder of pictures")
@@ -44,7 +44,7 @@ def find_pictures(folder: Path) -> list[Path]:
 
 
 def pair_files(files: Sequence[Path]) -> list[tuple[Path, Path]]:
-    """Lists each `*_LR.png` of `files` with its `*_HR.png`. Raises `ValueError` where that is missing."""
+    """Lists each `*_LR.png` of `files` with its `*_HR.png`. Raises `ValueError` if that is missing."""
     lows = [path for path in files if path.name.endswith("_LR.png")]
     pairs = [(low, low.with_name(low.name.replace("_LR.png", "_HR.png"))) for low in lows]
     for _, high in pairs:
@@ -59,7 +59,7 @@ def read_picture(path: Path, *, unused: int = 0) -> Picture:
     16 bits are rounded to 8, palettes become RGB, and transparent pixels are blended with black. `unused`: how many of
     the upper bits of 16 no picture of the set uses, as `count_unused` has it.
 
-    Raises `ValueError` where it can't be read: truncated, not a picture, or CMYK.
+    Raises `ValueError` if it can't be read: truncated, not a picture, or CMYK.
     """
     return _convert(_decode(path), unused)
 
@@ -143,7 +143,7 @@ class Pictures:
         return len(self.files)
 
     def __getitem__(self, index: int) -> Picture:
-        """Raises `ValueError` where the file has changed since the start."""
+        """Raises `ValueError` if the file has changed since the start."""
         if index < len(self._kept):
             return self._kept[index]
         picture = read_rgb(self.files[index], unused=self._unused)

@@ -70,7 +70,7 @@ def measure(
     `jpeg`: the low-resolution views are those of an elemental image array in a JPEG of this quality
     (`training.data.light_field.views.compress_array`).
 
-    Raises `ValueError` where there is no full grid of views of one size, it is smaller than `grid`, or the views are
+    Raises `ValueError` if there is no full grid of views of one size, it is smaller than `grid`, or the views are
     too small to be scored or too few for a light-field network.
     """
     if isinstance(network, LightFieldNetwork) and min(grid) < MINIMUM_GRID:
@@ -109,7 +109,7 @@ def load_network(model: str, scale: int) -> Upscaler | LightFieldNetwork:
 
     int8 is emulated where the processor doesn't support it.
 
-    Raises `ciir.errors.ModelError` where there is no such model, or it doesn't upscale by `scale`.
+    Raises `ciir.errors.ModelError` if there is no such model, or it doesn't upscale by `scale`.
     """
     if model.endswith(".json"):
         path = Path(model)

@@ -37,7 +37,7 @@ def convert_to_luma(picture: Pixels) -> Plane:
 def compute_psnr(picture: Plane, truth: Plane, *, border: int) -> float:
     """Peak signal-to-noise ratio in dB inside a border of `border` pixels; inf where both are equal.
 
-    Raises `ValueError` where the sizes differ.
+    Raises `ValueError` if the sizes differ.
     """
     from skimage.metrics import peak_signal_noise_ratio
 
@@ -51,7 +51,7 @@ def compute_ssim(picture: Plane, truth: Plane, *, border: int) -> float:
     Wang et al., IEEE Trans. Image Processing 13(4), 2004, equation 13, as their MATLAB `ssim_index` computes it: an
     11x11 Gaussian window of sigma 1.5 that stays inside the picture, K = (0.01, 0.03).
 
-    Raises `ValueError` where the sizes differ or are less than a window's.
+    Raises `ValueError` if the sizes differ or are less than a window's.
     """
     picture, truth = _crop(picture, border), _crop(truth, border)
     if min(truth.shape) <= 2 * SSIM_RADIUS:

@@ -45,7 +45,7 @@ def score(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accurac
     `training.data.downscale.downscale_picture`. 16-bit pictures are rounded to 8 bits, as if they used all 16
     where none of the folder does.
 
-    Raises `ValueError` where there is no pair or picture, one can't be read or is too small to be scored, or an HR
+    Raises `ValueError` if there is no pair or picture, one can't be read or is too small to be scored, or an HR
     picture is missing or not `scale` times as large as its LR.
     """
     psnrs, ssims = [], []
@@ -77,7 +77,7 @@ def load_model(model: str, *, scale: int = 2) -> Upscaler:
 
     int8 is emulated where the processor doesn't support it.
 
-    Raises `ciir.errors.ModelError` where there is no such model, it doesn't upscale by `scale` or is for light fields.
+    Raises `ciir.errors.ModelError` if there is no such model, it doesn't upscale by `scale` or is for light fields.
     """
     if model.endswith(".json"):
         card = read_card(Path(model))

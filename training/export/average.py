@@ -30,7 +30,7 @@ def average_checkpoints(paths: Sequence[Path], out: Path) -> None:
     each added up; everything else is from the first.
 
     Its recipe lists them under `averaged`: it can be exported and started from, but not resumed.
-    Raises `ValueError` where there are fewer than two, one is not a checkpoint, or their networks differ.
+    Raises `ValueError` if there are fewer than two, one is not a checkpoint, or their networks differ.
     """
     if len(paths) < 2:
         raise ValueError(f"{len(paths)} checkpoint given; give two or more")

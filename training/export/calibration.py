@@ -48,7 +48,7 @@ LIGHT_FIELDS = 2
 def make_picture_examples(folders: Sequence[Path], scale: int) -> list[Example]:
     """Makes examples of each folder's pictures, degraded in turn by each of `downscale.KINDS`, and of built-in scenes.
 
-    Raises `ValueError` where a folder has no picture, or one can't be read or is smaller than one LR pixel.
+    Raises `ValueError` if a folder has no picture, or one can't be read or is smaller than one LR pixel.
     """
     found: list[Example] = []
     for folder in folders:

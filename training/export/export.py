@@ -70,7 +70,7 @@ def export_network(checkpoint: Path, out: Path, *, name: str = "", accuracy_on: 
     light-field network of views, whose scores (`training.evaluation.pictures`, `training.evaluation.light_fields`) go
     on the card.
 
-    Raises `ValueError` where the exported network differs from torch by more than `TOLERANCE`.
+    Raises `ValueError` if the exported network differs from torch by more than `TOLERANCE`.
     """
     weights, card = convert_checkpoint(checkpoint, name)
     return write_network(weights, card, out, accuracy_on=accuracy_on)
@@ -131,7 +131,7 @@ def convert_checkpoint(checkpoint: Path, name: str = "") -> tuple[bytes, cards.C
 
 
 def check_name(name: str) -> None:
-    """Raises `ValueError` where `name` is not a valid file name."""
+    """Raises `ValueError` if `name` is not a valid file name."""
     if not re.fullmatch(r"[\w.+-]+", name):
         raise ValueError(f"name: {name!r}: give one of letters, digits, '.', '_', '+' and '-'")
 
@@ -172,7 +172,7 @@ def make_card(
 def write_network(weights: bytes, card: cards.Card, out: Path, *, accuracy_on: Sequence[Path] = ()) -> Path:
     """Writes a network and its card, with hash and accuracy, into `out`; on errors neither is written.
 
-    Raises `ValueError` where a folder of `accuracy_on` can't be scored on, or this processor can't run the network.
+    Raises `ValueError` if a folder of `accuracy_on` can't be scored on, or this processor can't run the network.
     """
     card = dataclasses.replace(card, sha256=hashlib.sha256(weights).hexdigest(), command=_command(card, accuracy_on))
     out.mkdir(parents=True, exist_ok=True)
@@ -232,7 +232,7 @@ def simplify_network(network: nn.Module) -> nn.Module:
 def compare_with_torch(network: nn.Module, weights: bytes, sizes: Sizes = Sizes(minimum=1)) -> float:  # noqa: B008 - is frozen
     """Returns the largest difference between torch and onnxruntime over `SHAPES` and all windows, on noise in [0, 1].
 
-    Raises `ValueError` where it is more than `TOLERANCE`, or either fails at one of them.
+    Raises `ValueError` if it is more than `TOLERANCE`, or either fails at one of them.
     """
     session = open_session(weights, threads=count_available_cores())
     names = [tensor.name for tensor in examples.list_inputs(network)]

@@ -65,7 +65,7 @@ def export_weights(weights: Path, out: Path, *, name: str = "", accuracy_on: Seq
 
     `weights`: a file of `SUFFIXES`; nothing in it is executed. `accuracy_on`: as for `export.export`.
 
-    Raises `ValueError` where the file can't be read, holds no network for upscaling RGB that spandrel knows, or the
+    Raises `ValueError` if the file can't be read, holds no network for upscaling RGB that spandrel knows, or the
     network can't be exported with free sizes or used in tiles.
     """
     name = name or weights.stem
@@ -150,7 +150,7 @@ def _convert_sizes(rule: Any) -> Sizes:
 
 @torch.no_grad()
 def _check_call(network: ExternalNetwork, descriptor: Any, sizes: Sizes) -> None:
-    """Raises `ValueError` where spandrel's result differs from `network`'s: some models need further steps."""
+    """Raises `ValueError` if spandrel's result differs from `network`'s: some models need further steps."""
     image = torch.rand(1, 3, *sizes.round_up(24, 24), generator=torch.Generator().manual_seed(0))
     difference = float((network(image).clamp(0, 1) - descriptor(image)).abs().max())
     if not difference <= export.TOLERANCE:

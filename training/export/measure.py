@@ -46,7 +46,7 @@ def count_macs(network: nn.Module, sizes: Sizes) -> float:
 
 
 def find_receptive_radius(network: nn.Module, scale: int) -> int | None:
-    """Returns the distance in input pixels at which an input pixel can still change an output pixel; None where it
+    """Returns the distance in input pixels at which an input pixel can still change an output pixel; None if it
     is more than `WIDEST`. For networks of convolutions and activations.
 
     Measured: the gradient of one input pixel's `scale x scale` outputs, with every weight replaced by a positive
@@ -89,7 +89,7 @@ def find_tile_overlap(network: Callable[[Tensor], Tensor], scale: int, sizes: Si
     For networks whose receptive field is wider than a tile, or unknown. Measured on noise that is strong on one side
     and faint on the other, so that a tile's mean differs from the picture's.
 
-    Raises `ValueError` where even the last of `OVERLAPS` is too small.
+    Raises `ValueError` if even the last of `OVERLAPS` is too small.
     """
     step = sizes.multiple_of
     rounded = sorted({-(-halo // step) * step for halo in OVERLAPS})

@@ -34,7 +34,7 @@ class OnnxFile:
     """A network of a file as torch's are called: RGB in [0, 1], `(N, 3, H, W)` -> `(N, 3, scale*H, scale*W)`."""
 
     def __init__(self, path: Path) -> None:
-        """Raises `ValueError` where the file holds no such network, or sides are fixed."""
+        """Raises `ValueError` if the file holds no such network, or sides are fixed."""
         self.model = _read_model(path)
         self.weights = self.model.SerializeToString()
         try:
@@ -62,7 +62,7 @@ class OnnxFile:
         return torch.from_numpy(self._session.run([self.output.name], {self.input.name: images.numpy()})[0])
 
     def can_run(self, count: int, height: int, width: int) -> tuple[int, ...]:
-        """The shape that it makes of `count` pictures of such a size; empty where it fails."""
+        """The shape that it makes of `count` pictures of such a size; empty if it fails."""
         try:
             return tuple(self(torch.full((count, 3, height, width), 0.5)).shape)
         except FAILURES:
@@ -73,7 +73,7 @@ def export_onnx(path: Path, out: Path, *, name: str = "", accuracy_on: Sequence[
     """Writes `NAME.onnx`, with all weights in it, and `NAME.json` into `out` and returns the card's path; NAME is the
     file's stem if not given. `accuracy_on`: as for `export.export_network`.
 
-    Raises `ValueError` where the file holds no network that upscales RGB in [0, 1] of any size, or tiles can't be used.
+    Raises `ValueError` if the file holds no network that upscales RGB in [0, 1] of any size, or tiles can't be used.
     """
     name = name or path.stem
     export.check_name(name)
@@ -132,7 +132,7 @@ def _find_sizes(network: OnnxFile, path: Path) -> tuple[Sizes, int]:
 
 
 def _check_range(network: OnnxFile, sizes: Sizes, path: Path) -> None:
-    """Raises `ValueError` where what it makes of noise in [0, 1] is far from that range."""
+    """Raises `ValueError` if what it makes of noise in [0, 1] is far from that range."""
     noise = torch.rand((1, 3, *sizes.round_up(32, 32)), generator=torch.Generator().manual_seed(0))
     mean = float(network(noise).mean())
     if not abs(mean - 0.5) <= FAR_OFF:

@@ -62,7 +62,7 @@ class Layer(NamedTuple):
     activation: onnx.NodeProto | None
     parts: Mapping[str, int] = {}
     """The tensors that a Concat joins to the input, with their numbers of channels: outputs of layers behind ReLUs, and
-    at most one of anything else. Empty where others are joined, or where the input or that one is read elsewhere."""
+    at most one of anything else. Empty if others are joined, or where the input or that one is read elsewhere."""
 
     @property
     def name(self) -> str:

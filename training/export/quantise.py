@@ -41,7 +41,7 @@ def quantise_network(weights: bytes, pairs: Sequence[Example]) -> tuple[bytes, l
 
     `weights`: as `to_onnx.convert_network` makes them. `pairs`: of `training.export.calibration`.
 
-    Raises `ValueError` where the network has no convolution that can run in 8 bits, or int8 costs too much accuracy.
+    Raises `ValueError` if the network has no convolution that can run in 8 bits, or int8 costs too much accuracy.
     """
     model = onnx.load_from_string(weights)
     names = [layer.name for layer in qdq.find_layers(model)]

@@ -29,7 +29,7 @@ def convert_network(network: nn.Module, scale: int, sizes: Sizes = Sizes()) -> b
 
     `network`: takes `examples.list_inputs`, returns `(N, 3, scale*H, scale*W)`, for the H and W that `sizes` allows.
 
-    Raises `ValueError` where its sizes are fixed, or ONNX lacks one of its operations.
+    Raises `ValueError` if its sizes are fixed, or ONNX lacks one of its operations.
     """
     inputs, outputs = examples.list_inputs(network), (output(scale), *examples.list_outputs(network))
     free = [[axis for axis, size in enumerate(tensor.shape) if isinstance(size, str)] for tensor in inputs]

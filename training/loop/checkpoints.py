@@ -21,7 +21,7 @@ KEYS = frozenset({"network", "optimiser", "step", "recipe", "commit", "seconds"}
 def save_checkpoint(path: Path, state: dict[str, Any]) -> None:
     """Writes a checkpoint, `KEYS` and more, atomically.
 
-    Raises `FloatingPointError` where a tensor in it is not finite, and `OSError` where the disk is full; the file that
+    Raises `FloatingPointError` if a tensor in it is not finite, and `OSError` if the disk is full; the file that
     was at `path` then stays.
     """
     if not _is_finite(state):
@@ -35,7 +35,7 @@ def save_checkpoint(path: Path, state: dict[str, Any]) -> None:
 
 
 def read_checkpoint(path: Path) -> dict[str, Any]:
-    """Reads a checkpoint, tensors on the CPU. Raises `ValueError` where the file is not one."""
+    """Reads a checkpoint, tensors on the CPU. Raises `ValueError` if the file is not one."""
     try:
         state = torch.load(path, map_location="cpu", weights_only=True)
     except OSError as error:

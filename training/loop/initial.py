@@ -36,7 +36,7 @@ def load_onnx_weights(network: nn.Module, path: Path) -> None:
     ensemble into all of its members.
     Layers of a generator's body that follow the last one in the file start near the identity, which a ReLU keeps: not
     at it, as channels that are zero everywhere would get no gradient and stay so.
-    Raises `ValueError` where the file can't be read or is of an int8 network, a weight is missing or of another shape,
+    Raises `ValueError` if the file can't be read or is of an int8 network, a weight is missing or of another shape,
     or `network` is not made of such convolutions.
     """
     try:

@@ -54,7 +54,7 @@ class Log:
     validations. `tensorboard/` has the same values and `plot.png` plots them. Where the package tensorboard or
     matplotlib is not installed, its file is missing and a note goes to standard error.
 
-    Raises `ValueError` where `out/log.csv` is not a log, and `OSError` where the disk is full.
+    Raises `ValueError` if `out/log.csv` is not a log, and `OSError` if the disk is full.
     """
 
     def __init__(self, out: Path, *, title: str, step: int) -> None:
@@ -86,7 +86,7 @@ class Log:
 
 
 def read_log(path: Path) -> list[Row]:
-    """Reads the rows of a `log.csv`. Raises `ValueError` where the file is not one."""
+    """Reads the rows of a `log.csv`. Raises `ValueError` if the file is not one."""
     try:
         with path.open(newline="", encoding="utf-8") as file:
             rows = [{name: float(text) for name, text in row.items() if text} for row in csv.DictReader(file)]
@@ -125,7 +125,7 @@ def _note_missing(error: ModuleNotFoundError, file: str) -> None:
 def draw_plot(rows: Sequence[Mapping[str, float]], losses: Sequence[str], title: str) -> bytes:
     """Plots a run as a PNG of 900x700 pixels: PSNR in dB above, the columns `losses` of `rows` below.
 
-    Raises `ModuleNotFoundError` where matplotlib is not installed.
+    Raises `ModuleNotFoundError` if matplotlib is not installed.
     """
     from matplotlib.figure import Figure
 

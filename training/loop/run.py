@@ -35,7 +35,7 @@ class Run:
     """A network in training; a checkpoint holds its whole state."""
 
     def __init__(self, recipe: Recipe) -> None:
-        """Starts from random weights, which depend only on the seed. Raises `ValueError` where the recipe is wrong."""
+        """Starts from random weights, which depend only on the seed. Raises `ValueError` if the recipe is wrong."""
         self.recipe, self.device = recipe, choose_device(recipe.device)
         torch.manual_seed(recipe.seed)
         network = make_network(recipe.network, recipe.options)
@@ -64,8 +64,8 @@ class Run:
         """Updates the weights with LR `(N, 3, h, w)`, or all inputs of the network, and HR `(N, 3, H, W)`, float in
         [0, 1]; returns the losses, `loss` their sum.
 
-        Raises `FloatingPointError` where the loss or its gradient's norm is not finite, on CUDA within `CHECK_EVERY`
-        steps (the weights are then lost); `ValueError` where the discriminator has saturated.
+        Raises `FloatingPointError` if the loss or its gradient's norm is not finite, on CUDA within `CHECK_EVERY`
+        steps (the weights are then lost); `ValueError` if the discriminator has saturated.
         """
         inputs, high = [self._placed(part) for part in as_tuple(low)], self._placed(high)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.recipe.bfloat16):
@@ -117,7 +117,7 @@ class Run:
         checkpoints.save_checkpoint(path, state)
 
     def resume(self, path: Path) -> None:
-        """Resumes from a checkpoint of the same recipe. Raises `ValueError` where its recipe differs."""
+        """Resumes from a checkpoint of the same recipe. Raises `ValueError` if its recipe differs."""
         state = checkpoints.read_checkpoint(path)
         differs = recipes.find_difference(state["recipe"], self.recipe)
         if differs:
@@ -139,7 +139,7 @@ class Run:
         self.psnr = state.get("psnr", math.nan)
 
     def start_from(self, path: Path) -> None:
-        """Loads the weights of another run's checkpoint. Raises `ValueError` where its network differs.
+        """Loads the weights of another run's checkpoint. Raises `ValueError` if its network differs.
 
         Options that do not change the weights (a slope) may differ: a line on stderr names both. A light-field
         network loads the checkpoint of a single-picture generator into the generator that it contains.
@@ -172,7 +172,7 @@ def as_tuple(inputs: Inputs) -> tuple[Tensor, ...]:
 
 
 def choose_device(name: str) -> torch.device:
-    """Finds the device of a recipe's `device`. Raises `ValueError` where it is CUDA and there is none."""
+    """Finds the device of a recipe's `device`. Raises `ValueError` if it is CUDA and there is none."""
     if name == "auto":
         name = "cuda" if torch.cuda.is_available() else "cpu"
     if name == "cuda" and not torch.cuda.is_available():

@@ -40,8 +40,8 @@ def train(recipe: Recipe, out: Path) -> Path:
 
     Ctrl-C and SIGTERM stop it after the current step, with a checkpoint, by raising `training.loop.interrupt.Stopped`.
 
-    Raises `FloatingPointError` when the loss or a weight is no longer a number; `ValueError` where a folder or a
-    checkpoint doesn't suit the recipe, the device is not there, or the discriminator has saturated; `OSError` where
+    Raises `FloatingPointError` when the loss or a weight is no longer a number; `ValueError` if a folder or a
+    checkpoint doesn't suit the recipe, the device is not there, or the discriminator has saturated; `OSError` if
     the disk is full. The last good checkpoint stays.
     """
     if out.exists() and not out.is_dir():
@@ -110,7 +110,7 @@ def report_start(recipe: Recipe, step: int) -> None:
 
 
 def _check_network(recipe: Recipe, network: nn.Module) -> None:
-    """Raises `ValueError` where the network does not take the batches of the recipe."""
+    """Raises `ValueError` if the network does not take the batches of the recipe."""
     if isinstance(network, LightFieldGenerator) == recipe.light_field:
         return
     if recipe.light_field:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def read_pairs(folder: Path, scale: int) -> list[Pair]:
     """The pairs in `folder`: `*_LR.png` with their `*_HR.png`, or of all its pictures, with bicubic LR.
 
-    Raises `ValueError` where there is none, one can't be read, an HR is missing, or a pair is at another scale.
+    Raises `ValueError` if there is none, one can't be read, an HR is missing, or a pair is at another scale.
     """
     files = pictures.find_pictures(folder)
     pairs = pictures.pair_files(files)

@@ -83,7 +83,7 @@ class SaturationWatch:
     """How many updates in a row were blind."""
 
     def record(self, loss: float, real: Tensor, made: Tensor) -> None:
-        """Counts one update of the discriminator. Raises `ValueError` where it has saturated."""
+        """Counts one update of the discriminator. Raises `ValueError` if it has saturated."""
         self.updates += 1
         if self.updates <= self.start:
             return
@@ -138,7 +138,7 @@ class Adversary:
         """One step of size `rate` on made pictures (detached here) and real ones; returns its `discriminator_loss`, and
         `discriminator_accuracy`, the share of pictures that it classified correctly before the step.
 
-        Raises `FloatingPointError` where the loss is not a number; `ValueError` where the discriminator is saturated.
+        Raises `FloatingPointError` if the loss is not a number; `ValueError` if the discriminator is saturated.
         """
         with self._autocast(high):
             real, made = self.network(high), self.network(output.detach())

@@ -62,14 +62,14 @@ class Objective:
         return terms
 
     def discriminator(self, output: Tensor, high: Tensor, rate: float) -> dict[str, float]:
-        """Updates the discriminator with step size `rate`, see `Adversary.update`; empty where there is none.
+        """Updates the discriminator with step size `rate`, see `Adversary.update`; empty if there is none.
 
-        Raises `ValueError` where it has saturated, `FloatingPointError` where its loss is not a number.
+        Raises `ValueError` if it has saturated, `FloatingPointError` if its loss is not a number.
         """
         return self.adversary.update(output, high, rate) if self.adversary else {}
 
     def state_dict(self) -> dict[str, Any]:
-        """The state of the discriminator for a checkpoint; empty where there is none."""
+        """The state of the discriminator for a checkpoint; empty if there is none."""
         return self.adversary.state_dict() if self.adversary else {}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:

@@ -44,7 +44,7 @@ class Vgg(nn.Module):
         """`weights`: a state dict whose convolutions are `features.N.weight` and `features.N.bias`; keys of other
         layers are ignored. `layout`: another one than VGG-19's is for tests.
 
-        Raises `ValueError` where the file is missing, no state dict, or another network's.
+        Raises `ValueError` if the file is missing, no state dict, or another network's.
         """
         super().__init__()
         self.features = _make_layers(layout)

@@ -108,7 +108,7 @@ def test_a_card_that_states_other_sizes_is_refused_in_one_line(tmp_path: Path) -
     text = path.read_text()
     made = write(tmp_path / "out" / "a.onnx", (1, 3, 64, 64)).read_bytes()
     path.write_text(text.replace(cards.read_card(path).sha256, hashlib.sha256(made).hexdigest()))
-    with pytest.raises(BadCard, match=r"card a: states x as \('batch', .*, and the network takes \(1, 3, 64, 64\)"):
+    with pytest.raises(BadCard, match=r"card a: states x as \('batch', .*, but the network takes \(1, 3, 64, 64\)"):
         SingleImageNetwork(path)(np.ones((1, 3, 64, 64), np.float32))
 
 
@@ -116,7 +116,7 @@ def test_the_error_names_the_export(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setenv("CIIR_MODELS", str(tmp_path))
     write(tmp_path / "mine.onnx")
     for name in ("mine", "mine.onnx"):
-        with pytest.raises(catalogue.UnknownModel, match=r"mine.onnx has no card mine.json beside it: .*ciir export"):
+        with pytest.raises(catalogue.UnknownModel, match=r"mine.onnx has no card mine.json next to it: .*ciir export"):
             catalogue.load_upscaler(name)
     export_onnx(tmp_path / "mine.onnx", tmp_path)
     catalogue._read_networks.cache_clear()

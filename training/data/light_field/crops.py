@@ -108,7 +108,7 @@ class LightFieldCrops:
         the start the network does not learn to use the other views. `device`: where scenes and batches are made, by
         default the CPU.
 
-        Raises `ValueError` where one of these is wrong.
+        Raises `ValueError` if one of these is wrong.
         """
         if scale != 2:
             raise ValueError(f"scale is {scale}; light fields are upscaled by 2: give that")

@@ -47,7 +47,7 @@ def render_fields(
     """Renders light fields of mesh files and of `scenes` random scenes of solids that have at least `side` LR pixels:
     see `mesh_views.render_window`.
 
-    Raises `ValueError` where none is as large.
+    Raises `ValueError` if none is as large.
     """
     if not meshes and not scenes:
         return []

@@ -35,7 +35,7 @@ def read_views(
     file, where a caller can say. `keeps_grey`: whether grey views keep their one channel; else they have three that are
     equal. 16-bit views are rounded to 8 bits, as if they used all 16 where they use fewer.
 
-    Raises `ValueError` where there is no full grid of views of one size, it is smaller than `grid`, or the views are
+    Raises `ValueError` if there is no full grid of views of one size, it is smaller than `grid`, or the views are
     smaller than `LEAST`.
     """
     if not path.exists():
