@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".pth", ".pt", ".ckpt", ".safetensors")
 UNUSED = ("InterpolationMode", "normalize", "rotate")
-"""Imports of spandrel from `torchvision.transforms.functional`, for LaMa (inpainting) and RestoreFormer (faces)."""
+"""Names that spandrel imports from `torchvision.transforms.functional`, for LaMa (inpainting) and RestoreFormer
+(faces)."""
 
 
 class ExternalNetwork(nn.Module):
@@ -39,14 +40,14 @@ class ExternalNetwork(nn.Module):
         self.scale = int(descriptor.scale)
 
     def forward(self, image: Tensor) -> Tensor:
-        """See the class. Of several outputs the first is the picture, as in MMRealSR."""
+        """See the class. If there are several outputs, the first is the picture, as in MMRealSR."""
         output = self.network(image)
         picture: Tensor = output[0] if isinstance(output, tuple) else output
         return picture
 
 
 def _fold_branches(network: nn.Module) -> nn.Module:
-    """Folds the branches of SPAN's Conv3XC once: it folds them in each call, which can't be traced."""
+    """Folds the branches of SPAN's Conv3XC once. By itself it folds them in each call, which can't be traced."""
     modules: Iterable[Any] = network.modules()
     for module in modules:
         if hasattr(module, "update_params") and hasattr(module, "eval_conv"):
@@ -57,13 +58,13 @@ def _fold_branches(network: nn.Module) -> nn.Module:
 
 
 def _do_nothing() -> None:
-    """Replaces the folding that has been done."""
+    """Takes the place of the folding, which has been done already."""
 
 
 def export_weights(weights: Path, out: Path, *, name: str = "", accuracy_on: Sequence[Path] = ()) -> Path:
-    """Writes `NAME.onnx` and `NAME.json` into `out` and returns the card's path; NAME is the file's stem if not given.
+    """Writes `NAME.onnx` and `NAME.json` into `out` and returns the card's path. NAME is the file's stem if not given.
 
-    `weights`: a file of `SUFFIXES`; nothing in it is executed. `accuracy_on`: as for `export.export`.
+    `weights`: a file with one of `SUFFIXES`; nothing in it is executed. `accuracy_on`: as for `export.export_network`.
 
     Raises `ValueError` if the file can't be read, holds no network for upscaling RGB that spandrel knows, or the
     network can't be exported with free sizes or used in tiles.
@@ -92,7 +93,7 @@ def _describe_file(weights: Path) -> dict[str, Any]:
 
 
 def _load_descriptor(weights: Path) -> Any:
-    """spandrel's descriptor of the network in a file."""
+    """Loads spandrel's descriptor of the network in a file."""
     with without_torchvision():
         import spandrel
     try:
@@ -116,7 +117,7 @@ def _load_descriptor(weights: Path) -> Any:
 
 
 def _read_weights(weights: Path) -> dict[str, Any]:
-    """Tensors by name, without unpickling anything else."""
+    """Reads the tensors by name, without unpickling anything else."""
     if weights.suffix.lower() not in SUFFIXES:
         raise ValueError(f"{weights}: not a file of weights; give one of {', '.join(SUFFIXES)}")
     try:
@@ -144,13 +145,13 @@ def _read_weights(weights: Path) -> dict[str, Any]:
 
 
 def _convert_sizes(rule: Any) -> Sizes:
-    """Converts spandrel's `SizeRequirements`; the least side is that of our own networks where it gives none."""
+    """Converts spandrel's `SizeRequirements`. The minimum is at least that of our own networks."""
     return Sizes(max(Sizes().minimum, rule.minimum), rule.multiple_of, rule.square)
 
 
 @torch.no_grad()
 def _check_call(network: ExternalNetwork, descriptor: Any, sizes: Sizes) -> None:
-    """Raises `ValueError` if spandrel's result differs from `network`'s: some models need further steps."""
+    """Raises `ValueError` if spandrel's result differs from `network`'s, because some models need further steps."""
     image = torch.rand(1, 3, *sizes.round_up(24, 24), generator=torch.Generator().manual_seed(0))
     difference = float((network(image).clamp(0, 1) - descriptor(image)).abs().max())
     if not difference <= export.TOLERANCE:
@@ -159,10 +160,10 @@ def _check_call(network: ExternalNetwork, descriptor: Any, sizes: Sizes) -> None
 
 @contextmanager
 def without_torchvision() -> Iterator[None]:
-    """Lets spandrel be imported without torchvision, within the block.
+    """Makes it possible to import spandrel without torchvision within the block.
 
-    The CPU build of torch often comes without it, and spandrel uses three of its functions for two networks that don't
-    upscale (see `UNUSED`). Functions that raise `ModuleNotFoundError` replace them within the block.
+    The CPU build of torch often comes without torchvision. spandrel uses three of its functions for two networks that
+    don't upscale (see `UNUSED`). Within the block they are replaced by functions that raise `ModuleNotFoundError`.
     """
     if "spandrel" in sys.modules or "torchvision" in sys.modules:
         yield

@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 MULTIPLES = (1, 2, 4, 8, 16, 32, 64)
-"""What the sides of pictures are tried to be multiples of."""
+"""The numbers that are tried as multiples of the sides of pictures."""
 FAR_OFF = 0.25
-"""Most that the mean of what a network makes of noise may differ from the noise's."""
+"""Largest difference between the mean of a network's output for noise and the mean of the noise."""
 
 
 class OnnxFile:
-    """A network of a file as torch's are called: RGB in [0, 1], `(N, 3, H, W)` -> `(N, 3, scale*H, scale*W)`."""
+    """A network from a file, called like torch's: RGB in [0, 1], `(N, 3, H, W)` -> `(N, 3, scale*H, scale*W)`."""
 
     def __init__(self, path: Path) -> None:
         """Raises `ValueError` if the file holds no such network, or sides are fixed."""
@@ -62,7 +62,7 @@ class OnnxFile:
         return torch.from_numpy(self._session.run([self.output.name], {self.input.name: images.numpy()})[0])
 
     def can_run(self, count: int, height: int, width: int) -> tuple[int, ...]:
-        """The shape that it makes of `count` pictures of such a size; empty if it fails."""
+        """Returns the output's shape for `count` pictures of this size; empty if the network fails."""
         try:
             return tuple(self(torch.full((count, 3, height, width), 0.5)).shape)
         except FAILURES:
@@ -70,7 +70,7 @@ class OnnxFile:
 
 
 def export_onnx(path: Path, out: Path, *, name: str = "", accuracy_on: Sequence[Path] = ()) -> Path:
-    """Writes `NAME.onnx`, with all weights in it, and `NAME.json` into `out` and returns the card's path; NAME is the
+    """Writes `NAME.onnx`, with all weights in it, and `NAME.json` into `out` and returns the card's path. NAME is the
     file's stem if not given. `accuracy_on`: as for `export.export_network`.
 
     Raises `ValueError` if the file holds no network that upscales RGB in [0, 1] of any size, or tiles can't be used.
@@ -103,7 +103,7 @@ def export_onnx(path: Path, out: Path, *, name: str = "", accuracy_on: Sequence[
 
 
 def _read_model(path: Path) -> onnx.ModelProto:
-    """The model with its weights, those in files beside it too."""
+    """Reads the model with its weights, including those in other files of the same folder."""
     try:
         return onnx.load(path)
     except DecodeError as error:
@@ -115,7 +115,7 @@ def _read_model(path: Path) -> onnx.ModelProto:
 
 
 def _find_sizes(network: OnnxFile, path: Path) -> tuple[Sizes, int]:
-    """What the sides of pictures must be multiples of, and the scale."""
+    """Finds the number that the sides of pictures must be multiples of, and the scale."""
     for multiple in MULTIPLES:
         sizes = Sizes(max(Sizes().minimum, multiple), multiple)
         rows, cols = sizes.round_up(17, 29)
@@ -132,7 +132,7 @@ def _find_sizes(network: OnnxFile, path: Path) -> tuple[Sizes, int]:
 
 
 def _check_range(network: OnnxFile, sizes: Sizes, path: Path) -> None:
-    """Raises `ValueError` if what it makes of noise in [0, 1] is far from that range."""
+    """Raises `ValueError` if the output for noise in [0, 1] is far from that range."""
     noise = torch.rand((1, 3, *sizes.round_up(32, 32)), generator=torch.Generator().manual_seed(0))
     mean = float(network(noise).mean())
     if not abs(mean - 0.5) <= FAR_OFF:
@@ -143,7 +143,7 @@ def _check_range(network: OnnxFile, sizes: Sizes, path: Path) -> None:
 
 
 def _takes_several(network: OnnxFile, sizes: Sizes) -> bool:
-    """Whether it makes of two pictures at once what it makes of each."""
+    """Returns whether the output for two pictures at once equals the outputs for each."""
     pair = torch.rand((2, 3, *sizes.round_up(17, 29)), generator=torch.Generator().manual_seed(0))
     alone = torch.cat([network(pair[:1]), network(pair[1:])])
     try:
@@ -154,8 +154,8 @@ def _takes_several(network: OnnxFile, sizes: Sizes) -> bool:
 
 
 def _count_macs(network: OnnxFile, scale: int, sizes: Sizes) -> float:
-    """Multiply-adds of convolutions and matrix products for one output pixel, as `measure.count_macs`; 0 where ONNX
-    can't infer shapes.
+    """Counts the multiply-adds of convolutions and matrix products for one output pixel, like `measure.count_macs`.
+    Those for which ONNX can't infer shapes count as 0.
     """
     rows, cols = sizes.round_up(measure.SMALL, measure.SMALL)
     model = onnx.ModelProto()
