@@ -84,8 +84,7 @@ def upscale_views(
 def join_groups(
     groups: Sequence[Sequence[int]], made: Sequence[tuple[Pixels, list[Finishing]]]
 ) -> tuple[Pixels, list[Finishing]]:
-    """Joins the results of `upscale_views` for `groups` of views, given by their numbers, in the order of the numbers.
-    """
+    """Joins the results of `upscale_views` for `groups` of views, given by their numbers, in order of these numbers."""
     if len(groups) == 1:
         return made[0]
     order = np.argsort(np.concatenate(groups))
@@ -156,6 +155,6 @@ def _check_views(views: Mapping[View, Pixels], view: View, required: Sequence[Vi
         other = views[v, u]
         if other.shape != first.shape or other.dtype != first.dtype:
             raise InvalidImage(
-                f"view {v},{u}: {other.shape} of {other.dtype}, where view {view[0]},{view[1]} is {first.shape} of "
+                f"view {v},{u}: {other.shape} of {other.dtype}, but view {view[0]},{view[1]} is {first.shape} of "
                 f"{first.dtype}; give views of one size and depth"
             )

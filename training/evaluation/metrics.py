@@ -62,8 +62,7 @@ def compute_ssim(picture: Plane, truth: Plane, *, border: int) -> float:
 
 
 def compute_ssim_map(picture: Plane, truth: Plane) -> Plane:
-    """Computes the similarity at each place of the window (see `compute_ssim`): two `(H, W)` arrays -> `(H-10, W-10)`.
-    """
+    """Computes similarity at each place of the window (see `compute_ssim`): two `(H, W)` arrays -> `(H-10, W-10)`."""
     from skimage.metrics import structural_similarity
 
     _, similarity = structural_similarity(

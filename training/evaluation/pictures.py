@@ -53,8 +53,8 @@ def score(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accurac
         picture = upscale_pixels(upscaler, low[np.newaxis])[0]
         if picture.shape != high.shape:
             raise ValueError(
-                f"{file}: {high.shape[0]}x{high.shape[1]} pixels, where {upscaler.name} makes "
-                f"{picture.shape[0]}x{picture.shape[1]} of its LR; name a folder of pairs at scale {upscaler.scale}"
+                f"{file}: {high.shape[0]}x{high.shape[1]} pixels, but {upscaler.name} makes "
+                f"{picture.shape[0]}x{picture.shape[1]} from its LR; name a folder of pairs at scale {upscaler.scale}"
             )
         got, truth = convert_to_luma(picture), convert_to_luma(high)
         psnrs.append(compute_psnr(got, truth, border=upscaler.scale))

@@ -40,7 +40,7 @@ def average_checkpoints(paths: Sequence[Path], out: Path) -> None:
     for path, state in zip(paths[1:], states[1:], strict=True):
         designs = [(of["recipe"]["network"], of["recipe"]["options"]) for of in (first, state)]
         if designs[0] != designs[1]:
-            raise ValueError(f"{path}: holds {designs[1]}, and {paths[0]} {designs[0]}; give runs of one network")
+            raise ValueError(f"{path}: holds {designs[1]}, but {paths[0]} holds {designs[0]}; give runs of one network")
     networks = [state["network"] for state in states]
     mean = {key: _mean([network[key] for network in networks]) for key in first["network"]}
     for name in [key.removesuffix("widen") for key in mean if key.endswith(".widen")]:

@@ -250,10 +250,12 @@ def compare_with_torch(network: nn.Module, weights: bytes, sizes: Sizes = Sizes(
             raise ValueError(f"the network can't be used at {shape}: its sizes aren't free ({reason})") from error
         for got, wanted in zip(made, wished, strict=True):
             if got.shape != wanted.shape:
-                raise ValueError(f"onnxruntime makes {got.shape} of {shape} where torch makes {wanted.shape}")
+                raise ValueError(f"onnxruntime makes {got.shape} from {shape}, but torch makes {wanted.shape}")
             difference = float(np.abs(got - wanted).max())
             if not difference <= TOLERANCE:
-                raise ValueError(f"onnxruntime differs from torch by {difference} at {shape}; {TOLERANCE} is the most")
+                raise ValueError(
+                    f"onnxruntime differs from torch by {difference} at {shape}; at most {TOLERANCE} is allowed"
+                )
             largest = max(largest, difference)
     return largest
 

@@ -102,7 +102,7 @@ def _load_descriptor(weights: Path) -> Any:
         )
     except spandrel.UnsupportedModelError as error:
         raise ValueError(
-            f"{weights}: spandrel {spandrel.__version__} knows no network with such weights; give one of its list"
+            f"{weights}: spandrel {spandrel.__version__} knows no network with these weights; give one from its list"
         ) from error
     except (RuntimeError, KeyError, AssertionError) as error:
         reason = str(error).strip().partition("\n")[0]
@@ -132,14 +132,14 @@ def _read_weights(weights: Path) -> dict[str, Any]:
         state = torch.load(weights, map_location="cpu", weights_only=True)
     except (RuntimeError, pickle.UnpicklingError, EOFError, ValueError, LookupError, TypeError) as error:
         raise ValueError(
-            f"{weights}: no weights that can be read without running code in it; give it as .safetensors, or a state "
-            "dict as torch.save writes it"
+            f"{weights}: holds no weights that can be read without running code; give it as .safetensors, or as a "
+            "state dict written by torch.save"
         ) from error
     if isinstance(state, dict) and state.keys() >= checkpoints.KEYS:
         raise ValueError(f"{weights}: a checkpoint of `ciir train`; give it without --weights")
     if not isinstance(state, dict) or not all(isinstance(key, str) for key in state):
         raise ValueError(
-            f"{weights}: holds a {type(state).__name__}, no tensors by name; give a state dict as torch.save writes it"
+            f"{weights}: holds a {type(state).__name__}, not tensors by name; give a state dict written by torch.save"
         )
     return state
 
@@ -155,7 +155,7 @@ def _check_call(network: ExternalNetwork, descriptor: Any, sizes: Sizes) -> None
     image = torch.rand(1, 3, *sizes.round_up(24, 24), generator=torch.Generator().manual_seed(0))
     difference = float((network(image).clamp(0, 1) - descriptor(image)).abs().max())
     if not difference <= export.TOLERANCE:
-        raise ValueError(f"{descriptor.architecture.name}: needs more than its network; it can't be exported")
+        raise ValueError(f"{descriptor.architecture.name}: needs steps besides its network; it can't be exported")
 
 
 @contextmanager

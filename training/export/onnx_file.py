@@ -47,14 +47,16 @@ class OnnxFile:
         if len(shape) == 4 and shape[3] == 3:
             raise ValueError(f"{path}: takes {shape}, channels last; export it for RGB pictures (N, 3, H, W)")
         if len(shape) == 4 and isinstance(shape[0], int) and shape[0] != 1:
-            raise ValueError(f"{path}: takes {shape[0]} pictures at a time only; export it with a free batch, or of 1")
+            raise ValueError(
+                f"{path}: takes only {shape[0]} pictures at a time; export it with a free batch, or one of 1"
+            )
         if len(inputs) > 1 or self.input.type != "tensor(float)" or len(shape) != 4 or shape[1] in (1, 2, 4):
             taken = ", ".join(f"{each.name} {each.type} {each.shape}" for each in inputs)
             raise ValueError(f"{path}: takes {taken}; give a network of RGB pictures in float32, (N, 3, H, W)")
         if any(isinstance(side, int) for side in shape[2:]):
             raise ValueError(
-                f"{path}: takes pictures of {shape[2]}x{shape[3]} pixels only; export it with free height and width, "
-                "as by dynamic_axes or dynamic_shapes of torch.onnx.export"
+                f"{path}: takes only pictures of {shape[2]}x{shape[3]} pixels; export it with free height and width, "
+                "for example with dynamic_axes or dynamic_shapes of torch.onnx.export"
             )
 
     def __call__(self, images: Tensor) -> Tensor:
@@ -107,10 +109,10 @@ def _read_model(path: Path) -> onnx.ModelProto:
     try:
         return onnx.load(path)
     except DecodeError as error:
-        raise ValueError(f"{path}: no ONNX file; give one as torch.onnx.export writes it") from error
+        raise ValueError(f"{path}: not an ONNX file; give one written by torch.onnx.export") from error
     except (FileNotFoundError, onnx.checker.ValidationError) as error:  # weights in another file
         raise ValueError(
-            f"{path}: its weights can't be read ({_first_line(error)}); put their file beside it"
+            f"{path}: its weights can't be read ({_first_line(error)}); put their file next to it"
         ) from error
 
 
@@ -126,8 +128,8 @@ def _find_sizes(network: OnnxFile, path: Path) -> tuple[Sizes, int]:
                 raise ValueError(f"{path}: doesn't upscale; give a network that does, by 2 or more")
             return sizes, scale
     raise ValueError(
-        f"{path}: makes no RGB picture of twice the size or more of one of 17x29 pixels, nor of larger ones with sides "
-        f"of multiples of {MULTIPLES[-1]}; give a network that upscales RGB, (N, 3, H, W)"
+        f"{path}: makes no RGB picture of at least twice the size from 17x29 pixels, nor from larger sides up to "
+        f"multiples of {MULTIPLES[-1]}; give a network that upscales RGB, (N, 3, H, W)"
     )
 
 
@@ -137,8 +139,8 @@ def _check_range(network: OnnxFile, sizes: Sizes, path: Path) -> None:
     mean = float(network(noise).mean())
     if not abs(mean - 0.5) <= FAR_OFF:
         raise ValueError(
-            f"{path}: makes a picture with a mean of {mean:.3g} of one with 0.5; give a network that takes and makes "
-            "RGB in [0, 1]"
+            f"{path}: makes a picture with a mean of {mean:.3g} from one with a mean of 0.5; give a network that takes "
+            "and makes RGB in [0, 1]"
         )
 
 

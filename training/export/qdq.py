@@ -44,7 +44,7 @@ class Grid(NamedTuple):
 
     @classmethod
     def over(cls, low: float, high: float) -> Grid:
-        """Makes the grid over `[low, high]`, widened to contain zero, which is exactly on it because padding is zeros."""
+        """Makes the grid over `[low, high]`, widened to hold zero, which is exactly on it because padding is zeros."""
         low, high = min(low, 0.0), max(high, 0.0)
         scale = np.float32(max(high - low, 1e-6) / 255)
         return cls(scale, np.uint8(np.clip(np.rint(-low / scale), 0, 255)))

@@ -69,7 +69,6 @@ class CompactGenerator(nn.Module):
         return functional.pixel_shuffle(change + self.base(image), self.scale)
 
     def compute_change(self, image: Tensor) -> Tensor:
-        """Returns the change added to interpolation, before its limit, `(N, 3 * scale^2, H, W)`: colours, then phases.
-        """
+        """Returns the change to interpolation, before its limit, `(N, 3 * scale^2, H, W)`: colours, then phases."""
         change: Tensor = self.tail(self.body(image))
         return change

@@ -79,11 +79,14 @@ def test_sides_that_must_be_multiples_are_found(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"shape": (1, 3, 64, 48)}, r"takes pictures of 64x48 pixels only; export it with free height and width"),
+        ({"shape": (1, 3, 64, 48)}, r"takes only pictures of 64x48 pixels; export it with free height and width"),
         ({"shape": ("batch", 1, "height", "width")}, "takes x tensor.float. .*; give a network of RGB pictures"),
         ({"kind": TensorProto.FLOAT16}, "takes x tensor.float16. .*; give a network of RGB|can't open it"),
         ({"factor": 1}, "doesn't upscale; give a network that does"),
-        ({"gain": 255.0}, r"a mean of 127 of one with 0.5; give a network that takes and makes RGB in \[0, 1\]"),
+        (
+            {"gain": 255.0},
+            r"a mean of 127 from one with a mean of 0.5; give a network that takes and makes RGB in \[0, 1\]",
+        ),
     ],
 )
 def test_networks_that_are_refused(tmp_path: Path, options: dict[str, object], message: str) -> None:
@@ -95,11 +98,11 @@ def test_networks_that_are_refused(tmp_path: Path, options: dict[str, object], m
 def test_files_that_are_no_networks(tmp_path: Path) -> None:
     file = tmp_path / "a.onnx"
     file.write_bytes(b"no ONNX")
-    with pytest.raises(ValueError, match=r"no ONNX file; give one as torch.onnx.export writes it"):
+    with pytest.raises(ValueError, match=r"not an ONNX file; give one written by torch.onnx.export"):
         export_onnx(file, tmp_path / "out")
     write(file, external=True)
     next(path for path in tmp_path.iterdir() if path != file).unlink()
-    with pytest.raises(ValueError, match=r"its weights can't be read .*; put their file beside it"):
+    with pytest.raises(ValueError, match=r"its weights can't be read .*; put their file next to it"):
         export_onnx(file, tmp_path / "out")
 
 
