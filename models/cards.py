@@ -110,9 +110,9 @@ class Card:
     """For an int8 network, the name of the float network that it was made from."""
     sizes: Sizes = Sizes()
     extra_inputs: tuple[Tensor, ...] = ()
-    """Inputs besides `input`. A light-field network has those for the window of views around the upscaled one."""
+    """Inputs besides `input`, such as a light-field network's window of views around the upscaled one."""
     extra_outputs: tuple[Tensor, ...] = ()
-    """Outputs besides `output`. A light-field network has its uncertainty."""
+    """Outputs besides `output`, such as the uncertainty of a light-field network."""
 
     @property
     def is_light_field(self) -> bool:

@@ -175,7 +175,7 @@ def _load_light_field_network(name: str, scale: int, emulates_int8: bool) -> Lig
 
 
 def advise_export(name: str) -> str:
-    """Returns the advice for someone who gives a file of a network, or the name of one that has no card."""
+    """Returns advice for a user who names the file of a network, or a network that has no card."""
     own, stem = find_model_folder(), name.removesuffix(".onnx").removesuffix(".json")
     there = set() if own is None else {path.name for path in own.iterdir()}
     if f"{stem}.onnx" in there and f"{stem}.json" not in there:

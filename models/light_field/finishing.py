@@ -26,9 +26,9 @@ MINIMUM_FALLBACK_SHARE = 0.15
 some. Below this share the fallback gains nothing (-0.002 dB on average over 245 views of the harm benchmark) and takes
 half of the time."""
 SURROUNDED, MOST = 0.3, 0.45
-"""The fallback's share in the mean that replaces a filtered view: if there are two views on each side, and otherwise,
-because the light-field network is then weaker. On five views of each of three captured light fields with bicubic LR
-the mean gains 0.1 to 0.7 dB with `field` and 0.1 to 0.4 with `field-quality` on average."""
+"""The fallback's share in the mean that replaces a filtered view. The first is for views with two others on each side.
+The second is for all others, for which the light-field network is weaker. On five views of each of three captured light
+fields with bicubic LR this gains 0.1 to 0.7 dB with `field` and 0.1 to 0.4 with `field-quality` on average."""
 
 
 class Finishing(NamedTuple):

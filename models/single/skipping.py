@@ -95,7 +95,7 @@ def find_background(picture: Picture) -> Picture | None:
 
 
 def find_differences(picture: Picture, colour: Picture) -> NDArray[np.bool_]:
-    """Returns a mask `(H, W)` of where `(H, W, C)` differs from a colour `(C,)`."""
+    """Returns a mask `(H, W)` that is true where `(H, W, C)` differs from a colour `(C,)`."""
     differs: NDArray[np.bool_] = picture[..., 0] != colour[0]
     for channel in range(1, picture.shape[2]):
         differs |= picture[..., channel] != colour[channel]
@@ -103,7 +103,7 @@ def find_differences(picture: Picture, colour: Picture) -> NDArray[np.bool_]:
 
 
 def cover_with_boxes(differs: NDArray[np.bool_], radius: int) -> list[Tile] | None:
-    """Returns boxes that keep everything within `radius` of where a picture `differs` `(H, W)` from its background.
+    """Returns boxes that keep all pixels within `radius` of where a picture `differs` `(H, W)` from its background.
 
     The list is empty if it differs nowhere, and None is returned if boxes would save nothing. On each side a box keeps
     `radius` pixels more than the part that differs, and reads another `radius` pixels. Boxes may overlap.

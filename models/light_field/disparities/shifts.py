@@ -111,7 +111,7 @@ def make_no_shifts(height: int, width: int) -> NDArray[np.int64]:
 
 
 def select_shifted(shifts: NDArray[np.int64], shift: int, part: Span) -> NDArray[np.bool_]:
-    """Returns a mask `(h, w)` of where the tiles of a part of a view have the shift `shift`."""
+    """Returns a mask `(h, w)` that is true where the tiles of a part of a view have the shift `shift`."""
     rows, cols = (np.arange(side.start, side.stop) // SHIFT_TILE for side in part)
     return np.asarray((shifts == shift)[rows[:, None], cols])
 
