@@ -28,8 +28,8 @@ class PlaneSweep(nn.Module):
     """Turns luma of a window of views into a fine picture for each plane, and the views' deviation from each other."""
 
     def forward(self, views: Tensor, down: Tensor, across: Tensor) -> tuple[Tensor, Tensor]:
-        """Sweeps `views`, `(N, WINDOW_SIDE^2, H, W)`, row by row. `down`, `across`: the filters of the window's rows and
-        columns, `(planes, 3, WINDOW_SIDE, taps)`, from `models.light_field.planes.describe_window`.
+        """Sweeps `views`, `(N, WINDOW_SIDE^2, H, W)`, row by row. `down`, `across`: the filters of the window's rows
+        and columns, `(planes, 3, WINDOW_SIDE, taps)`, from `models.light_field.planes.describe_window`.
 
         Returns the fine pictures `(N, planes, 4, H, W)`, phases row by row, and the standard deviation of samples that
         are close together `(N, planes, H, W)`.
