@@ -182,7 +182,7 @@ def advise_export(name: str) -> str:
         return f"; {stem}.onnx has no card {stem}.json next to it: write both with `ciir export {stem}.onnx -o DIR`"
     if not name.endswith(FILES) or stem in list_names():
         return ""
-    return f"; to add your own network to a folder for {MODEL_FOLDER}, run `ciir export {stem}.onnx -o DIR`"
+    return f"; to add your own network, run `ciir export {stem}.onnx -o DIR` with a folder for {MODEL_FOLDER}"
 
 
 def _find_entry(name: str, scale: int, *, is_light_field: bool) -> Entry:

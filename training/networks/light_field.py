@@ -80,8 +80,7 @@ class LightFieldGenerator(nn.Module):
         self.inform = CollapsibleConv(width, widths[1], gain=0.3)
         self.factors = FACTORS
         self.merged: nn.Conv2d | None = None
-        """`inform` and the single-picture generator's second layer, merged for the export: see `merge_layers`.
-        """
+        """`inform` and the single-picture generator's second layer, merged for the export: see `merge_layers`."""
         self.register_buffer("luma", torch.tensor(LUMA)[None, :, None, None], persistent=False)
 
     def forward(self, image: Tensor, around: Tensor, down: Tensor, across: Tensor, window: Tensor) -> Tensor:
