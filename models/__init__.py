@@ -1,4 +1,4 @@
-"""Upscaling of view images: the shipped networks, a card for each, and what runs them on the CPU with onnxruntime.
+"""Upscaling of view images: the shipped networks, a card for each, and code to run them on the CPU with onnxruntime.
 
 ::
 

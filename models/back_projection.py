@@ -1,8 +1,8 @@
-"""Back-projection: brings an upscaled view, made small again, closer to the input.
+"""Back-projection: corrects an upscaled view so that it matches the input more closely when downscaled again.
 
-Irani and Peleg, "Improving resolution by image registration" (CVGIP 53(3), 1991), for one view whose sampling is known:
-what the network's picture would look like through the lenses is compared with what they saw, and the difference is
-added to it.
+Irani and Peleg, "Improving resolution by image registration" (CVGIP 53(3), 1991), for one view whose sampling is known.
+The picture that the lenses would see of the network's result is compared with the one that they saw, and the difference
+is added to the result.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ if TYPE_CHECKING:
 
 Value = TypeVar("Value", np.uint8, np.uint16)
 SamplingKind = Literal["filter", "means"]
-"""How a view was made: by the antialiasing filter of bicubic interpolation, or as means over the pixels' cells, which
-are what lenslets and sensors see."""
+"""How a view was sampled: by the antialiasing filter of bicubic interpolation, or as means over the pixels' cells, as
+lenslets and sensors do."""
 
 SAMPLING_NOISE = 0.1
-"""Standard error of a pixel, as a share of the range of the pixels around it. A mean of 4x4 samples errs by up to an
-eighth of the contrast at an edge along its rows, 0.07 of it in the mean square."""
+"""Standard error of a pixel, as a share of the range of its neighbouring pixels. A mean of 4x4 samples is off by up to
+an eighth of the contrast at an edge along its rows, and by 0.07 of it in the root mean square."""
 STRIP_ROWS = 64
-"""Rows of the input that are worked on at once, so that memory doesn't grow with the view."""
+"""Rows of the input that are processed at once, so that memory doesn't grow with the view."""
 MARGIN = 4
-"""Rows of the input that the filter's result depends on, to each side of a strip."""
-_ROUNDS = 2  # what clipping takes off one pixel of a cell is given to the others
+"""Rows of the input, on each side of a strip, that the filter's result depends on."""
+_ROUNDS = 2  # the second one gives what clipping takes from a pixel to the others of its cell
 _TINY = 1e-6  # levels squared
 _NEGLIGIBLE = 1e-9  # of luma in [0, 1], squared
 
 
 def restore_means(large: NDArray[Value], small: NDArray[Value]) -> NDArray[Value]:
-    """`large` `(scale*H, scale*W, C)` with the mean over each `scale x scale` pixels closer to that of `small`
-    `(H, W, C)`, of which it was made.
+    """Brings the mean of each `scale x scale` pixels of `large` `(scale*H, scale*W, C)` closer to the pixel of `small`
+    `(H, W, C)`, from which it was made.
 
-    A difference d counts by d^2 / (d^2 + noise^2), as in Wiener's filter, with `SAMPLING_NOISE`. Where nothing differs,
-    nothing changes.
+    A difference d is weighted by d^2 / (d^2 + noise^2), as in a Wiener filter, with `SAMPLING_NOISE`. Where nothing
+    differs, nothing changes.
     """
     scale = len(large) // len(small)
     result = np.empty_like(large)
@@ -56,12 +56,12 @@ def restore_means(large: NDArray[Value], small: NDArray[Value]) -> NDArray[Value
 def restore_luma(
     large: Pixels, small: Pixels, sampling: SamplingKind, *, gain: float = 1.0, noise: float = 0.0
 ) -> Pixels:
-    """`large` `(scale*H, scale*W, C)`, whose luma is brought closer to that of `small` `(H, W, C)`, of which it was
-    made, by `gain` in [0, 1] of the difference. Either may be of 8 or 16 bits.
+    """Brings the luma of `large` `(scale*H, scale*W, C)` closer to that of `small` `(H, W, C)`, from which it was made,
+    by the share `gain` in [0, 1] of the difference. Either may have 8 or 16 bits.
 
-    `sampling`: how `small` was made. A difference d of luma in [0, 1] counts by d^2 / (d^2 + noise^2).
+    `sampling`: how `small` was sampled. A difference d of luma in [0, 1] is weighted by d^2 / (d^2 + noise^2).
     """
-    from PIL import Image  # the web process does without
+    from PIL import Image  # imported here because the web process doesn't need it
 
     scale, cubic = len(large) // len(small), Image.Resampling.BICUBIC
     peak, small_peak = (float(np.iinfo(picture.dtype).max) for picture in (large, small))
@@ -81,7 +81,7 @@ def restore_luma(
         rows = slice(scale * top, scale * bottom)
         given = large[rows]
         change = np.rint(added[scale * (top - first) :][: len(given)]).astype(np.int16 if peak < 256 else np.int32)
-        # Repeated for the channels: NumPy is several times as slow where an axis of three is broadcast.
+        # Repeated for the channels, because NumPy is several times slower when it broadcasts an axis of three.
         values = change.repeat(given.shape[2], axis=1).reshape(given.shape)
         values += given
         result[rows] = np.clip(values, 0, int(peak), out=values)
@@ -91,7 +91,7 @@ def restore_luma(
 def _restore(
     values: NDArray[np.float32], seen: NDArray[np.float32], noise: NDArray[np.float32], peak: int
 ) -> NDArray[np.float32]:
-    """Whole levels."""
+    """Does the work of `restore_means` on one strip, and returns whole levels."""
     scale = len(values) // len(seen)
     means = _average_cells(values, scale)
     difference = seen - means
@@ -113,7 +113,9 @@ def _average_cells(values: NDArray[np.float32], scale: int) -> NDArray[np.float3
 
 
 def measure_contrast(picture: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The largest less the smallest of each 3x3 pixels of `(H, W)`, or of each channel of `(H, W, C)`."""
+    """Returns the largest minus the smallest of the 3x3 pixels around each pixel of `(H, W)`, or of each channel of
+    `(H, W, C)`.
+    """
     largest, smallest = picture, picture
     for axis in (0, 1):
         largest, smallest = (
@@ -123,7 +125,7 @@ def measure_contrast(picture: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _reduce_neighbours(picture: NDArray[np.float32], axis: int, by: np.ufunc) -> NDArray[np.float32]:
-    """`by` of each pixel and those before and behind it along `axis`."""
+    """Applies `by` to each pixel and its two neighbours along `axis`."""
     result = picture.copy()
     to, of = np.moveaxis(result, axis, 0), np.moveaxis(picture, axis, 0)
     by(to[1:], of[:-1], out=to[1:])

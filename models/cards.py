@@ -1,4 +1,4 @@
-"""Cards of networks: design, training, cost and accuracy, one `.json` file for each network."""
+"""Cards of networks: one `.json` file for each network, with its design, training, cost and accuracy."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class Tensor:
 
     name: str
     shape: tuple[str | int, ...]
-    """A number where the size is fixed, a name or formula where it isn't."""
+    """A number for each fixed size, a name or formula for each free one."""
     dtype: str
     low: float
     high: float
-    """The range of its values; outputs may exceed it slightly and are clipped."""
+    """`low` and `high` are the range of its values. Outputs may exceed it slightly and are clipped."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Training:
     recipe: dict[str, Any]
     """Every field of `training.recipe.Recipe`, data included."""
     commit: str
-    """The commit whose code trained it; it ends in `+` where there were uncommitted changes."""
+    """The commit whose code trained it; it ends in `+` if there were uncommitted changes."""
     iterations: int
     seed: int
 
@@ -58,14 +58,14 @@ class Sizes:
 
     minimum: int = 8
     """Shortest side, pixels. Smaller pictures would be mostly zero padding, which did not occur in training: a white
-    1x1 picture came out dark grey. From 5 pixels on a flat picture comes out flat."""
+    1x1 picture came out dark grey. A flat picture with sides of at least 5 pixels comes out flat."""
     multiple_of: int = 1
     """Both sides are multiples of this."""
     square: bool = False
     """Whether both sides must be equal."""
 
     def round_up(self, height: int, width: int) -> tuple[int, int]:
-        """The smallest height and width that the network takes and that are not below those given."""
+        """Returns the smallest height and width that the network takes and that are not below those given."""
         step = self.multiple_of
         rows, cols = (-(-max(side, self.minimum) // step) * step for side in (height, width))
         return (max(rows, cols), max(rows, cols)) if self.square else (rows, cols)
@@ -73,31 +73,31 @@ class Sizes:
 
 PRECISIONS = ("float32", "int8")
 FILTERS = "down"
-"""The input of a light-field network that has an entry for each plane: see `models.light_field.planes.Window`."""
+"""The name of the light-field input with an entry for each plane; see `models.light_field.planes.Window`."""
 
 
 @dataclass(frozen=True)
 class Card:
-    """The description of a shipped network; its `.onnx`, of the same stem, lies beside its `.json`."""
+    """The description of a network. Its `.json` and the `.onnx` have the same stem and lie in the same folder."""
 
     name: str
     kind: str
     """A short description of the design."""
     scale: int
     sha256: str
-    """Of the `.onnx`, 64 hexadecimal digits."""
+    """The hash of the `.onnx` file, 64 hexadecimal digits."""
     opset: int
     input: Tensor
     output: Tensor
     radius: int
-    """Receptive field radius: how many input pixels away an input pixel can still change an output pixel.
+    """Receptive field radius: the largest distance in input pixels at which an input pixel can change an output pixel.
 
-    For a network whose receptive field is wider than a tile: the overlap at which tiles differ from the whole picture
-    by less than half an 8-bit level."""
+    If the receptive field is wider than a tile, this is the overlap at which tiles differ from the whole picture by
+    less than half an 8-bit level."""
     parameters: int
-    """Learnt numbers; constants, such as the kernel of an interpolated base, do not count."""
+    """Number of learnt values. Constants, such as the kernel of an interpolated base, do not count."""
     macs_per_output_pixel: float
-    """Multiply-adds of all layers, an interpolated base included, for each output pixel (three channels together)."""
+    """Multiply-adds of all layers, including an interpolated base, for each output pixel (three channels together)."""
     training: Training
     protocol: str
     """How `accuracy` was measured."""
@@ -107,25 +107,25 @@ class Card:
     precision: str = "float32"
     """The type that convolutions compute in, one of `PRECISIONS`; see `models.processor` for int8."""
     float_twin: str = ""
-    """For an int8 network: the name of the float network that it was made from."""
+    """For an int8 network, the name of the float network that it was made from."""
     sizes: Sizes = Sizes()
     extra_inputs: tuple[Tensor, ...] = ()
-    """Inputs besides `input`; for a light-field network, the window of views around the upscaled one."""
+    """Inputs besides `input`, such as a light-field network's window of views around the upscaled one."""
     extra_outputs: tuple[Tensor, ...] = ()
-    """Outputs besides `output`; for a light-field network, its uncertainty."""
+    """Outputs besides `output`, such as the uncertainty of a light-field network."""
 
     @property
     def is_light_field(self) -> bool:
-        """Whether it upscales a view with the help of the views around it: see `models.light_field.network`."""
+        """Whether it upscales a view with the help of its neighbouring views; see `models.light_field.network`."""
         return bool(self.extra_inputs)
 
     @property
     def planes(self) -> int:
-        """How many disparities a light-field network tries; 0 for other networks."""
+        """The number of disparities that a light-field network tries; 0 for other networks."""
         return next((int(tensor.shape[0]) for tensor in self.extra_inputs if tensor.name == FILTERS), 0)
 
     def to_dict(self) -> dict[str, Any]:
-        """The card as JSON values."""
+        """Returns the card as JSON values."""
         return dataclasses.asdict(self)
 
     def __post_init__(self) -> None:
@@ -144,13 +144,13 @@ class Card:
             raise BadCard(f"card {self.name}: radius is {self.radius}; at least 0 is needed")
 
     def _check_light_field(self) -> None:
-        """Raises `BadCard` where the inputs are not those of `models.light_field.network`."""
+        """Raises `BadCard` if the inputs differ from those of `models.light_field.network`."""
         found = {tensor.name: tensor.shape[:1] for tensor in self.extra_inputs}
         planes = next(iter(found.get(FILTERS, ())), None)
         if set(found) != {"around", "down", "across", "window"} or not isinstance(planes, int) or planes < 2:
             raise BadCard(
-                f"card {self.name}: inputs {', '.join(found)}, and {FILTERS} for {planes} planes; a light-field "
-                "network has around, down, across and window, for 2 planes and more: export it again with `ciir export`"
+                f"card {self.name}: inputs {', '.join(found)}, with {FILTERS} for {planes} planes; a light-field "
+                "network has around, down, across and window, for at least 2 planes: export it again with `ciir export`"
             )
 
 
@@ -167,7 +167,7 @@ _LISTS: dict[str, type] = {"tuple[Accuracy, ...]": Accuracy, "tuple[Tensor, ...]
 
 
 def _build_record(kind: type, table: object, place: str) -> Any:
-    """An instance of the dataclass `kind` from parsed JSON, with every key and type checked."""
+    """Builds an instance of the dataclass `kind` from parsed JSON and checks every key and type."""
     if not isinstance(table, dict):
         raise BadCard(f"{place}: a table is needed, not {table!r}")
     annotations = {field.name: str(field.type) for field in dataclasses.fields(kind)}
@@ -191,7 +191,7 @@ def _build_record(kind: type, table: object, place: str) -> Any:
 
 
 def read_card(path: Path) -> Card:
-    """Reads the card in `path`. Raises `BadCard` naming the first key that is missing, unknown or of another type."""
+    """Reads the card in `path`. Raises `BadCard`, with the first key that is missing, unknown or of another type."""
     try:
         table = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

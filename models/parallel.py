@@ -1,4 +1,4 @@
-"""Independent calls in parallel: each in a thread of its own, as many at once as there are cores."""
+"""Runs independent calls in parallel, each in its own thread, as many at once as there are cores."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ if TYPE_CHECKING:
 Item = TypeVar("Item")
 
 CALLS_PER_CORE = 2
-"""Fewest calls per core that run in parallel. With fewer, cores would idle during the last calls: it is faster to give
-each call all cores, one call after the other."""
+"""Fewest calls per core for which calls run in parallel. With fewer, cores would idle during the last calls, and it is
+faster to run one call after the other on all cores."""
 
 
 def is_parallel_faster(calls: int, cores: int) -> bool:
-    """Whether `calls` calls are faster in parallel, each on one of `cores`, than one after the other on all."""
+    """Returns whether `calls` calls are faster in parallel, each on one of `cores`, than one by one on all of them."""
     return cores > 1 and calls >= CALLS_PER_CORE * cores
 
 
 def run_each(work: Callable[[Item], object], items: Sequence[Item], cores: int) -> None:
-    """Calls `work` with each of `items`, up to `cores` at once; for one core in the caller's thread, in order.
+    """Calls `work` with each of `items`, up to `cores` at once; with one core in the caller's thread, in order.
 
-    Raises the first error in the order of `items`, after all threads have ended; items that had not started by then
-    are left out.
+    Raises the first error in the order of `items`, after all threads have ended. Items that had not started by then
+    are skipped.
     """
     if cores == 1:
         for item in items:

@@ -1,8 +1,8 @@
-"""Support of this machine's processor for int8 networks.
+"""Checks whether this machine's processor supports int8 networks.
 
 onnxruntime multiplies unsigned by signed bytes. Processors with a dot-product instruction for that (VNNI or AMX on x86,
 the dot product of ARMv8.2) accumulate in 32 bits. Older x86 processors add pairs of products in 16 bits, which
-saturates: pictures come out wrong, and no faster than in float (onnxruntime's page "Quantize ONNX models").
+saturates. Pictures then come out wrong, and no faster than in float (onnxruntime's page "Quantize ONNX models").
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from pathlib import Path
 CPUINFO = Path("/proc/cpuinfo")
 X86 = frozenset({"avx_vnni", "avx512_vnni", "amx_int8"})
 ARM = frozenset({"asimddp"})
-"""Linux's names of the instructions; one of a set is enough."""
+"""Linux's names of the instructions. One of a set is enough."""
 
 
 @cache
 def int8_unsupported_reason() -> str:
-    """Why this processor does not support int8 networks; empty where it does.
+    """Returns why this processor does not support int8 networks; empty if it does.
 
     Linux lists the instructions, and all of Apple's own processors have the dot product. On other systems int8 counts
     as unsupported.
@@ -44,7 +44,7 @@ def int8_unsupported_reason() -> str:
 
 
 def processor_name() -> str:
-    """The processor's name, as the system gives it."""
+    """Returns the processor's name as the system reports it."""
     try:
         with CPUINFO.open(encoding="utf-8", errors="replace") as file:
             for line in file:

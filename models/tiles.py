@@ -1,4 +1,4 @@
-"""Tiles of a picture: overlapping regions whose halo is at least the receptive field, so that tiled equals whole."""
+"""Tiles of a picture: regions with a halo of at least the receptive field, so that tiling doesn't change the result."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ Span = tuple[slice, slice]
 
 @dataclass(frozen=True)
 class Tile:
-    """A region of a picture and the part of its result that is kept."""
+    """A region of a picture, and the part whose result is kept."""
 
     region: Span
-    """What is read, halo included, in input pixels."""
+    """The part that is read, including the halo, in input pixels."""
     kept: Span
-    """The part whose result is kept, in input pixels; the kept parts of all tiles cover the picture once."""
+    """The part whose result is kept, in input pixels. The kept parts of all tiles cover the picture exactly once."""
 
     def clip_to(self, outer: Tile) -> Tile:
-        """This tile, given in coordinates of the region of `outer`, as a part of it that keeps no more than it."""
+        """Converts this tile from coordinates of the region of `outer` to the picture's, and keeps at most its part."""
         region, kept = [], []
         for side, good, around, limit in zip(self.region, self.kept, outer.region, outer.kept, strict=True):
             region.append(_scale_slice(side, 1, origin=-around.start))
@@ -39,21 +39,21 @@ class Tile:
         return Tile((region[0], region[1]), (kept[0], kept[1]))
 
     def region_in(self, outer: Span) -> Span:
-        """The region in coordinates of a part of the picture that contains it."""
+        """Returns the region in coordinates of a part of the picture that contains it."""
         rows, cols = (
             _scale_slice(side, 1, origin=around.start) for side, around in zip(self.region, outer, strict=True)
         )
         return rows, cols
 
     def kept_in_tile(self, scale: int) -> Span:
-        """The kept part within the result of the region, in output pixels."""
+        """Returns the kept part within the result of the region, in output pixels."""
         rows, cols = (
             _scale_slice(good, scale, origin=side.start) for good, side in zip(self.kept, self.region, strict=True)
         )
         return rows, cols
 
     def kept_in_picture(self, scale: int) -> Span:
-        """The kept part within the result of the picture, in output pixels."""
+        """Returns the kept part within the result of the picture, in output pixels."""
         rows, cols = (_scale_slice(good, scale, origin=0) for good in self.kept)
         return rows, cols
 
@@ -63,13 +63,13 @@ def _scale_slice(span: slice, scale: int, *, origin: int) -> slice:
 
 
 def split_picture(height: int, width: int, *, radius: int, tile_pixels: int, multiple: int = 1) -> Iterator[Tile]:
-    """Tiles of at most `tile_pixels` pixels over a picture of `height x width`, row by row.
+    """Yields tiles of at most `tile_pixels` pixels that cover a picture of `height x width`, row by row.
 
-    Each has a halo of `radius` pixels along every edge that is not the picture's own. All tiles of a picture have one
-    size, so that a runtime plans for one shape. Where the picture's sides are multiples of `multiple`, so are the sides
-    and positions of all tiles.
+    Each has a halo of `radius` pixels along every edge that is not the picture's own. All tiles of a picture have the
+    same size, so that a runtime plans for one shape. If the picture's sides are multiples of `multiple`, so are the
+    sides and positions of all tiles.
 
-    Raises `ValueError` where a square of `tile_pixels` pixels is all halo.
+    Raises `ValueError` if a square of `tile_pixels` pixels is all halo.
     """
     radius = math.ceil(radius / multiple) * multiple
     side = math.isqrt(tile_pixels) // multiple * multiple
@@ -89,7 +89,7 @@ def split_picture(height: int, width: int, *, radius: int, tile_pixels: int, mul
 
 
 def _split_side(length: int, largest: int, radius: int, multiple: int) -> Iterator[tuple[slice, slice]]:
-    """Regions of one size, at most `largest`, along one side, with the part of each that is kept."""
+    """Yields regions of one size, at most `largest`, along one side, with the part of each that is kept."""
     if length <= largest:
         yield slice(0, length), slice(0, length)
         return
@@ -109,8 +109,9 @@ def _split_side(length: int, largest: int, radius: int, multiple: int) -> Iterat
 def pad_pictures(
     images: NDArray[np.float32], height: int, width: int, *, scale: int
 ) -> tuple[NDArray[np.float32], Span]:
-    """`(N, C, H, W)` padded with its edge pixels to at least `height x width`, not copied where it is that large; and
-    the pictures' own part of a result `scale` times as large.
+    """Pads `(N, C, H, W)` with its edge pixels to at least `height x width`; pictures of that size are not copied.
+
+    Also returns which part of a result `scale` times as large belongs to the pictures themselves.
     """
     rows, cols = height - images.shape[2], width - images.shape[3]
     height, width = images.shape[2:]
@@ -134,12 +135,12 @@ def run_in_tiles(
     cores: int = 1,
     at_once: bool = False,
 ) -> NDArray[np.float32]:
-    """Calls `run` on `(N, C, H, W)` in tiles; returns `(N, C, scale*H, scale*W)`, a new array.
+    """Calls `run` on `(N, C, H, W)` in tiles and returns `(N, C, scale*H, scale*W)`, a new array.
 
-    `run` takes `(n, C, h, w)` and a number of cores, and returns `(n, C, scale*h, scale*w)`; `radius`: its receptive
-    field radius, in input pixels. A tile has at most `tile_pixels` input pixels, and sides as in `split_picture`. Small
-    pictures go in batches of up to `batch_pixels` input pixels. Calls run one after the other on all `cores`; with
-    `at_once` many run in parallel, each on one.
+    `run` takes `(n, C, h, w)` and a number of cores, and returns `(n, C, scale*h, scale*w)`. `radius` is its receptive
+    field radius, in input pixels. A tile has at most `tile_pixels` input pixels, with sides as in `split_picture`.
+    Small pictures are run in batches of up to `batch_pixels` input pixels. Calls run one after the other on all
+    `cores`; with `at_once` many can run in parallel, each on one core.
     """
     count, channels, height, width = images.shape
     result = np.empty((count, channels, height * scale, width * scale), np.float32)

@@ -21,35 +21,35 @@ class Upscaler(Protocol):
 
     @property
     def name(self) -> str:
-        """Its name in the catalogue."""
+        """The model's name in the catalogue."""
         ...
 
     @property
     def scale(self) -> int:
-        """Output pixels for each input pixel, along each side."""
+        """The number of output pixels for each input pixel, along each side."""
         ...
 
     @property
     def radius(self) -> int:
-        """How many input pixels away, along each side, an input pixel can still change an output pixel."""
+        """The largest distance, in input pixels along each side, at which an input pixel can change an output pixel."""
         ...
 
     def __call__(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
         """Upscales `(N, 3, H, W)` RGB in [0, 1] to `(N, 3, scale*H, scale*W)`, a new array clipped to [0, 1].
 
-        Any N from 0 and any H and W from 1. Raises `InvalidImage` where the input is of another shape or type, not
-        finite, or out of range; `BrokenNetwork` where the output is not finite.
+        N may be 0; H and W are at least 1. Raises `InvalidImage` if the input has another shape or type, is not
+        finite, or is out of range, and `BrokenNetwork` if the output is not finite.
         """
         ...
 
 
 def check_images(images: NDArray[np.float32]) -> None:
-    """Raises `InvalidImage` unless `images` is `(N, 3, H, W)` float32 in [0, 1] with H and W from 1."""
+    """Raises `InvalidImage` unless `images` is `(N, 3, H, W)` float32 in [0, 1] with H and W of at least 1."""
     if images.dtype != np.float32:
         raise InvalidImage(f"pictures of type {images.dtype}: give float32 in [0, 1]")
     if images.ndim != 4 or images.shape[1] != 3 or 0 in images.shape[2:]:
         raise InvalidImage(f"an array of shape {images.shape}: give (N, 3, H, W) with H and W of at least 1")
-    # A NaN makes both extremes NaN and so fails the comparison: valid pictures cost two passes.
+    # A NaN makes both extremes NaN and so fails the comparison. Valid pictures cost two passes.
     if images.size == 0 or (images.min() >= 0.0 and images.max() <= 1.0):
         return
     bad = ~np.isfinite(images)
@@ -62,7 +62,7 @@ def check_images(images: NDArray[np.float32]) -> None:
 
 
 def clip_output(output: NDArray[np.float32], name: str) -> NDArray[np.float32]:
-    """`output` clipped to [0, 1] in place. Raises `BrokenNetwork` naming `name` where it is not finite."""
+    """Clips `output` to [0, 1] in place. Raises `BrokenNetwork` with `name` in the message if it is not finite."""
     if output.size and not (np.isfinite(output.min()) and np.isfinite(output.max())):
         raise BrokenNetwork(f"{name}: the network's output is not finite; reinstall it or choose another model")
     return np.clip(output, 0.0, 1.0, out=output)

@@ -1,5 +1,5 @@
-"""What holds for all tests: one thread for linear algebra, Ctrl-C, the same examples each time, slow ones apart, a list
-of skipped tests."""
+"""Settings of all tests: one thread for linear algebra, Ctrl-C, the same examples each time, slow tests on request, and
+a list of skipped tests."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 # Set before numpy and torch are loaded, and inherited by the processes that tests start. On busy cores their threads
-# wait for one another: a calibration took 5.2 s of processor time in place of 0.4.
+# wait for one another: a calibration took 5.2 s of processor time instead of 0.4.
 assert not {"numpy", "torch"} & set(sys.modules), "a plugin of pytest has loaded them"
 os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
-# A shell without job control lets what it starts in the background ignore Ctrl-C, which tests send.
+# A shell without job control makes its background processes ignore Ctrl-C, which tests send.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 settings.register_profile("ciir", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 DEVICES = ("auto", "cpu", "cuda")
 CHANGEABLE = frozenset({"validate", "validate_every", "device", "initial", "vgg"})
-"""Fields that may change when a run is resumed: none of them changes what is learnt."""
+"""Fields that may change when a run is resumed, because none of them changes what is learnt."""
 
 
 TYPE_NAMES = {
@@ -25,7 +25,7 @@ TYPE_NAMES = {
     dict: "a table",
     list: "a list",
 }
-"""Names of TOML types for messages."""
+"""The names of TOML types in messages."""
 
 
 @dataclass(frozen=True)
@@ -38,23 +38,23 @@ class Recipe:
     name: str
     """The network's name in the catalogue, and the stem of its files."""
     network: str
-    """Key of `training.networks.NETWORKS`."""
+    """A key of `training.networks.NETWORKS`."""
     train: str
     """Folder of training pictures, or of the unpacked VOC2012."""
     validate: str
-    """Folder of `*_HR.png` and `*_LR.png` pairs; or of pictures, with bicubic LR."""
+    """Folder of `*_HR.png` and `*_LR.png` pairs, or of pictures, whose LR is then bicubic."""
     steps: int
-    """Optimiser steps."""
+    """Number of optimiser steps."""
     minutes: float = 0.0
-    """Where above 0: the time after which the run ends, if it doesn't reach `steps` before. The step size falls by the
-    clock then, as suits a machine that is lent for some time; such a run can't be repeated bit for bit."""
+    """If above 0, the run ends after this time unless it reaches `steps` earlier. The step size then falls with the
+    clock, which suits a machine that is lent for a limited time. Such a run can't be repeated bit for bit."""
     options: dict[str, Any] = field(default_factory=dict)
     """Keyword arguments of the network's constructor."""
     initial: str = ""
-    """Checkpoint, or ONNX file of a float network, whose weights the run starts from; empty: random weights."""
+    """Checkpoint, or ONNX file of a float network, whose weights the run starts from; empty for random weights."""
 
     degradations: dict[str, Any] = field(default_factory=lambda: {"bicubic": 1.0})
-    """Degradation -> its share of the crops: see `training.data.crops`."""
+    """Each degradation and its share of the crops; see `training.data.crops`."""
     scenes: int = 0
     """Number of random scenes that are rendered as training pairs (see `training.data.rendered`)."""
     meshes: list[Any] = field(default_factory=list)
@@ -64,18 +64,18 @@ class Recipe:
     corrupted: float = 1.0
     """Share of the crops that `noise`, `blur` and `jpeg` act on."""
     noise: float = 0.0
-    """Largest standard deviation of Gaussian noise on LR, in 8-bit levels; each crop draws its own up to it."""
+    """Largest standard deviation of Gaussian noise on LR, in 8-bit levels. Each crop draws its own up to this."""
     blur: float = 0.0
-    """Largest standard deviation of a Gaussian blur of LR, in LR pixels; each crop draws its own up to it."""
+    """Largest standard deviation of a Gaussian blur of LR, in LR pixels. Each crop draws its own up to this."""
     jpeg: int = 0
-    """Lowest JPEG quality (1 to 100) that an LR crop goes through, each crop draws its own quality; 0: no JPEG."""
+    """Lowest JPEG quality (1 to 100) of an LR crop. Each crop draws its own quality from this up; 0 for no JPEG."""
     light_field: bool = False
-    """Whether the network takes the views around a view too: `train` then has the textures of layered scenes
-    (`training.data.light_field.crops`) and `validate` the views of a light field; `scenes` are of solids only, and
-    `noise`, `blur`, `jpeg`, `corrupted` and `labelled` are ignored."""
+    """Whether the network takes the neighbouring views too. Then `train` holds the textures of layered scenes
+    (`training.data.light_field.crops`), `validate` holds the views of a light field, `scenes` consist of solids only,
+    and `noise`, `blur`, `jpeg`, `corrupted` and `labelled` are ignored."""
     eased: int = 0
-    """Steps over which changed crops and windows of small grids reach their shares, for a light-field network: see
-    `training.data.light_field.crops`."""
+    """Number of steps over which changed crops and windows of small grids rise to their shares, for a light-field
+    network; see `training.data.light_field.crops`."""
     scale: int = 2
     crop: int = 88
     """HR crop side, pixels."""
@@ -84,31 +84,32 @@ class Recipe:
     loss: str = "l1"
     """Pixel loss: `l1`, `mse`, `luma` or `squared-luma` (see `training.losses.pixel`)."""
     perceptual: str = ""
-    """Perceptual term: `vgg19`, `discriminator`, or none (see `training.losses.perceptual`)."""
+    """Perceptual term: `vgg19`, `discriminator`, or empty for none (see `training.losses.perceptual`)."""
     perceptual_weight: float = 1.0
     vgg: str = ""
     """torchvision's VGG-19 weight file, for `perceptual = "vgg19"`."""
     adversarial: str = ""
-    """Adversarial term: `bce` (with logits), `hinge`, or none (see `training.losses.adversarial`)."""
+    """Adversarial term: `bce` (with logits), `hinge`, or empty for none (see `training.losses.adversarial`)."""
     adversarial_weight: float = 1e-3
     discriminator: dict[str, Any] = field(default_factory=dict)
-    """Keyword arguments of `training.networks.discriminator.Discriminator`; SRGAN's where none is given."""
+    """Keyword arguments of `training.networks.discriminator.Discriminator`, whose defaults are SRGAN's."""
 
     learning_rate: float = 1e-4
-    """Adam's peak step size; it falls to zero along a half cosine. The discriminator's too."""
+    """Adam's peak step size, for the discriminator too. It falls to zero along a half cosine."""
     warmup: int = 0
     """Steps over which the step size rises linearly from zero."""
     clip: float = 0.0
     """Largest gradient norm; 0 leaves gradients unchanged."""
     ema: float = 0.0
-    """Decay of the running mean of the weights, which is validated and exported; 0: the weights themselves."""
+    """Decay of the running mean of the weights, which is validated and exported; 0 for the weights themselves."""
     device: str = "auto"
-    """`cpu`, `cuda`, or `auto`: CUDA where there is a GPU."""
+    """`cpu`, `cuda`, or `auto`, which is CUDA if there is a GPU."""
     bfloat16: bool = False
-    """Run the forward and backward pass in bfloat16 with float32 weights (several times faster on CPUs with AMX)."""
+    """Whether the forward and backward pass run in bfloat16, with float32 weights (several times faster on CPUs with
+    AMX)."""
     seed: int = 0
     validate_every: int = 500
-    """Steps between checkpoints, each with a validation."""
+    """Number of steps between checkpoints, each with a validation."""
 
     def __post_init__(self) -> None:
         for name in ("steps", "scale", "crop", "batch", "validate_every"):
@@ -141,7 +142,7 @@ class Recipe:
 
 
 def read_recipe(path: Path) -> Recipe:
-    """Reads the recipe in `path`. Raises `ValueError` where it is not TOML, or a key or a value is wrong."""
+    """Reads the recipe in `path`. Raises `ValueError` if it is not TOML, or if a key or a value is wrong."""
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
@@ -168,10 +169,10 @@ def read_recipe(path: Path) -> Recipe:
 
 
 def find_difference(saved: Mapping[str, Any], recipe: Recipe) -> str:
-    """Finds the first field in which a checkpoint's recipe differs, as `steps is 5 there and 9 here`.
+    """Describes the first field in which a checkpoint's recipe differs, for example `steps is 5 there and 9 here`.
 
-    Empty where the run can continue: `CHANGEABLE` fields may differ, and a field that an older checkpoint lacks has its
-    default.
+    The result is empty if the run can continue. `CHANGEABLE` fields may differ, and a field that an older checkpoint
+    lacks has its default.
     """
     defaults = {
         f.name: f.default_factory() if f.default_factory is not MISSING else f.default
@@ -186,5 +187,5 @@ def find_difference(saved: Mapping[str, Any], recipe: Recipe) -> str:
 
 
 def _ordered(value: Any) -> Any:
-    """Tables as lists, as crops depend on their order."""
+    """Converts tables to lists, because crops depend on their order."""
     return list(value.items()) if isinstance(value, dict) else value

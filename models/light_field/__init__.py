@@ -1,1 +1,1 @@
-"""Upscaling of a light field's view with the help of the views around it."""
+"""Upscaling of a light field's views, each with the help of its neighbouring views."""

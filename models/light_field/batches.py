@@ -23,10 +23,10 @@ class Part(NamedTuple):
     """A part of a view that is upscaled in one run."""
 
     number: int
-    """The view's."""
+    """The view's number."""
     tile: Tile
     mask: NDArray[np.bool_] | None = None
-    """Which of the pixels that `tile` keeps are written, `(h, w)`; None: all of them."""
+    """Which of the pixels that `tile` keeps are written, `(h, w)`; None for all of them."""
 
 
 class Batch(NamedTuple):
@@ -34,7 +34,7 @@ class Batch(NamedTuple):
 
     rows: Axis
     cols: Axis
-    """Of windows with the same rows and columns."""
+    """`rows` and `cols` are those of the parts' windows, which all have the same."""
     disparities: Range
     parts: Sequence[Part]
 
@@ -42,8 +42,8 @@ class Batch(NamedTuple):
 def make_batches(
     parts: Sequence[Part], group: Mapping[int, View], grid: tuple[int, int], ranges: Sequence[Range]
 ) -> Iterator[Batch]:
-    """Batches of parts of one size, of views whose windows have the same rows and columns present and the same range of
-    disparities, of up to `BATCH_PIXELS` pixels. `ranges`: by the numbers of views.
+    """Yields batches of up to `BATCH_PIXELS` pixels. All parts of a batch have one size, and their views' windows have
+    the same rows and columns present and the same range of disparities. `ranges`: one for each view, by its number.
     """
     alike: dict[tuple[object, ...], list[Part]] = {}
     for part in parts:

@@ -1,4 +1,4 @@
-"""Finishes a view after the light-field network: the single-image fallback, and what the view's sampling asks for."""
+"""Finishes a view after the light-field network: the single-image fallback, and corrections for the view's sampling."""
 
 from __future__ import annotations
 
@@ -18,27 +18,28 @@ if TYPE_CHECKING:
     from ciir.models.light_field.sampling import Sampling
 
 CONFIDENT, UNCERTAIN = 0.8, 1.2
-"""Uncertainty up to which the light-field network's picture is taken, and from which the fallback's is. Views of one
-scene have 0.3 to 0.6 (nine tenths of all pixels), with noise 0.5 to 0.9; views of other scenes 1 and more. Chosen for
-the best mean over the light fields of `ciir bench --harm`."""
+"""Up to the first uncertainty the light-field network's picture is used, from the second the fallback's. Views of one
+scene have 0.3 to 0.6 (nine tenths of all pixels), with noise 0.5 to 0.9; views of other scenes have 1 or more. The
+values were chosen for the best mean over the light fields of `ciir bench --harm`."""
 MINIMUM_FALLBACK_SHARE = 0.15
-"""Share of a view that the fallback makes for low confidence, from which it is used: silhouettes always have some, and
-below that it gains nothing (-0.002 dB in the mean of 245 views of the harm benchmark) in half of the time."""
+"""The fallback is used if its share of a view, because of low confidence, is larger than this. Silhouettes always need
+some. Below this share the fallback gains nothing (-0.002 dB on average over 245 views of the harm benchmark) and takes
+half of the time."""
 SURROUNDED, MOST = 0.3, 0.45
-"""The fallback's share in the mean that a filtered view becomes: with two views on each side, and otherwise, where the
-light-field network is weaker. On five views of each of three captured light fields with bicubic LR it gains 0.1 to 0.7
-dB with `field` and 0.1 to 0.4 with `field-quality` in the mean."""
+"""The fallback's share in the mean that replaces a filtered view. The first is for views with two others on each side.
+The second is for all others, for which the light-field network is weaker. On five views of each of three captured light
+fields with bicubic LR this gains 0.1 to 0.7 dB with `field` and 0.1 to 0.4 with `field-quality` on average."""
 
 
 class Finishing(NamedTuple):
     """How a view was finished after the light-field network."""
 
     fallback: float = 0.0
-    """Share of pixels that come mostly from the single-image fallback, because confidence is low."""
+    """The share of pixels that come mostly from the single-image fallback, because confidence is low."""
     is_averaged: bool = False
-    """Whether the view, which was filtered, is the mean of both networks."""
+    """Whether the view was filtered and is the mean of both networks."""
     is_restored: bool = False
-    """Whether the view was brought closer to what was seen."""
+    """Whether the view was brought closer to its input by back-projection."""
 
 
 def finish_view(
@@ -50,13 +51,13 @@ def finish_view(
     *,
     is_surrounded: bool,
 ) -> Finishing:
-    """Changes `picture` `(scale*H, scale*W, C)` of 16 bits, which a light-field network made of `small` `(H, W, C)` of
-    8 or 16, in place.
+    """Changes `picture` `(scale*H, scale*W, C)`, 16 bits, in place. A light-field network made it from `small`
+    `(H, W, C)`, 8 or 16 bits.
 
-    From `CONFIDENT` to `UNCERTAIN` of `uncertainty` `(H, W)` it is blended with the fallback's, in a view of which that
-    would make more than `MINIMUM_FALLBACK_SHARE`. One that was made small by an antialiasing filter becomes the mean
-    with the fallback's, and one without noise is brought closer to what was seen
-    (`models.back_projection.restore_luma`). `upscale_alone` makes the fallback's picture; `is_surrounded`: whether
+    Between `CONFIDENT` and `UNCERTAIN` of `uncertainty` `(H, W)` it is blended with the fallback's picture, if that
+    would make up more than `MINIMUM_FALLBACK_SHARE` of the view. If the view was downscaled with an antialiasing
+    filter, it becomes a mean with the fallback's picture; if it has no noise, it is brought closer to its input
+    (`models.back_projection.restore_luma`). `upscale_alone` makes the fallback's picture. `is_surrounded`: whether
     there are two views on each side.
     """
     weight = np.clip((uncertainty - CONFIDENT) / (UNCERTAIN - CONFIDENT), 0, 1)

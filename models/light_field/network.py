@@ -1,4 +1,4 @@
-"""Light-field networks: they upscale a view with the help of the window of views around it."""
+"""Light-field networks, which upscale a view with the help of the window of views around it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ciir.models.light_field.windows import Axis
 
 LUMA = (0.299, 0.587, 0.114)
-"""ITU-R BT.601's weights of red, green and blue: networks use only the luma of the views around."""
+"""ITU-R BT.601's weights of red, green and blue. Networks use only the luma of the neighbouring views."""
 
 
 class LightFieldNetwork(OnnxNetwork):
@@ -36,17 +36,18 @@ class LightFieldNetwork(OnnxNetwork):
         *,
         cores: int | None = None,
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Upscales `image`, views as RGB in [0, 1], `(N, 3, H, W)`.
+        """Upscales `image`: views as RGB in [0, 1], `(N, 3, H, W)`.
 
-        `around`: the luma of their windows, row by row, `(N, 25, H, W)`. `rows` and `cols`: of those windows.
-        `disparities`: the range of the scene's (`models.light_field.disparities.ranges`), LR pixels from one view to
-        the next; what lies beyond is upscaled without the views around. `cores`: see `OnnxNetwork.run`.
+        `around`: the luma of their windows, row by row, `(N, 25, H, W)`. `rows` and `cols`: the rows and columns of
+        those windows. `disparities`: the range of the scene's disparities (`models.light_field.disparities.ranges`), LR
+        pixels from one view to the next; content beyond it is upscaled without the neighbouring views. `cores`: see
+        `OnnxNetwork.run`.
 
         Returns `(N, 3, scale*H, scale*W)`, a new array clipped to [0, 1], and the uncertainty, `(N, 1, H, W)`, at least
-        0: how badly the views around match the view, 1 and more where they don't. All goes in one run;
-        `models.light_field.views` cuts large views into tiles.
+        0. It measures how badly the neighbouring views match the view, and is 1 or more where they don't. Everything is
+        computed in one run; `models.light_field.views` cuts large views into tiles.
 
-        Raises as `Upscaler.__call__`.
+        Raises the same errors as `Upscaler.__call__`.
         """
         check_images(image)
         _check_around(image, around)
@@ -61,10 +62,10 @@ class LightFieldNetwork(OnnxNetwork):
 
 
 def compute_luma(picture: NDArray[np.uint8 | np.uint16], peak: float) -> NDArray[np.float32]:
-    """Luma of `(H, W, C)` in [0, peak], grey or RGB -> `(H, W)` in [0, 1] up to rounding.
+    """Computes the luma of `(H, W, C)` in [0, peak], grey or RGB: `(H, W)` in [0, 1] up to rounding.
 
-    It is summed by channel, so that rounding is the same at every pixel; a matrix product would sum in an order that
-    depends on the position.
+    Channels are added one after the other, so that rounding is the same at every pixel. A matrix product would sum in
+    an order that depends on the position.
     """
     if picture.shape[-1] == 1:
         return np.asarray(picture[..., 0] * np.float32(1 / peak))
@@ -78,6 +79,6 @@ def compute_luma(picture: NDArray[np.uint8 | np.uint16], peak: float) -> NDArray
 def _check_around(image: NDArray[np.float32], around: NDArray[np.float32]) -> None:
     shape = (len(image), WINDOW_SIDE * WINDOW_SIDE, *image.shape[2:])
     if around.dtype != np.float32 or around.shape != shape:
-        raise InvalidImage(f"views around of {around.dtype} and shape {around.shape}: give float32 of {shape}")
+        raise InvalidImage(f"neighbouring views of {around.dtype} and shape {around.shape}: give float32 of {shape}")
     if around.size and not (around.min() >= 0.0 and around.max() <= 1.0):  # a NaN fails too
-        raise InvalidImage("views around: values that are not finite or out of range; give them in [0, 1]")
+        raise InvalidImage("neighbouring views: some values are not finite or out of range; give them in [0, 1]")

@@ -1,6 +1,6 @@
 """Planes: the disparities that a light-field network tries, and the filters that combine a window of views for each.
 
-They are spread evenly over the range of disparities that a scene has, so that few are enough.
+Planes are spread evenly over the range of a scene's disparities, so that few are enough.
 """
 
 from __future__ import annotations
@@ -18,52 +18,52 @@ if TYPE_CHECKING:
     from ciir.models.light_field.windows import Axis
 
 REACH = 5
-"""Taps to each side of a pixel. At large disparities the outer views of a window lie beyond and don't count."""
+"""Taps on each side of a pixel. At large disparities the outer views of a window lie beyond them and don't count."""
 PHASE = 0.25
 """Distance of a fine sample from its coarse sample, in LR pixels, at scale 2."""
 NEAR = 1.6
-"""Distance in LR pixels up to which a view's samples are used for the fine picture."""
+"""Largest distance in LR pixels at which a view's samples are used for the fine picture."""
 CLOSE = 0.6
-"""Distance in LR pixels at which the weight of a sample for the deviation falls to zero, linearly."""
+"""Distance in LR pixels at which the weight of a sample in the deviation, which falls linearly, reaches zero."""
 LEAST = 0.05
-"""Least distance between planes, LR pixels from one view to the next."""
+"""Smallest distance between planes, LR pixels from one view to the next."""
 STEP = 1 / 8
-"""Step of ranges, LR pixels."""
+"""The ends of ranges are multiples of this, in LR pixels."""
 
 
 class Range(NamedTuple):
-    """Disparities of a scene, LR pixels from one view to the next."""
+    """The range of a scene's disparities, LR pixels from one view to the next."""
 
     lowest: float
     highest: float
 
     def round_outwards(self) -> Range:
-        """To multiples of `STEP`, so that few different filters are needed."""
+        """Rounds both ends outwards to multiples of `STEP`, so that few different filters are needed."""
         return Range(float(np.floor(self.lowest / STEP)) * STEP, float(np.ceil(self.highest / STEP)) * STEP)
 
 
 def place_planes(disparities: Range, count: int) -> NDArray[np.float64]:
-    """`count` disparities from the lowest to the highest, at least `LEAST` apart, `(count,)`."""
+    """Returns `count` disparities from the lowest to the highest, at least `LEAST` apart, `(count,)`."""
     middle, half = sum(disparities) / 2, (disparities.highest - disparities.lowest) / 2
     half = max(half, LEAST * (count - 1) / 2)
     return np.linspace(middle - half, middle + half, count)
 
 
 class Window(NamedTuple):
-    """What a network is given of a window of views and its planes."""
+    """The inputs of a network that describe a window of views and its planes."""
 
     down: NDArray[np.float32]
-    """The filters of the window's rows, `(count, 3, WINDOW_SIDE, 2*REACH + 1)`. For each plane: of the fine samples at
-    -`PHASE` and +`PHASE` LR pixels, each with the sum 1; and, with the same sum, the weights of samples that lie
-    close together, whose deviation tells whether the plane is right."""
+    """The filters of the window's rows, `(count, 3, WINDOW_SIDE, 2*REACH + 1)`. Each plane has three, all with
+    the sum 1: those of the fine samples at -`PHASE` and +`PHASE` LR pixels, and the weights of samples that lie close
+    together, whose deviation shows whether the plane is right."""
     across: NDArray[np.float32]
-    """The same of its columns."""
+    """The same for its columns."""
     description: NDArray[np.float32]
-    """`(6,)`: half the number of views above, below, left and right of the view, as few views agree by chance; the
-    lowest and the highest plane."""
+    """`(6,)`: half the number of views above, below, left and right of the view, because few views agree by chance;
+    then the lowest and the highest plane."""
 
     def trim(self) -> Window:
-        """Without the outer taps that are zero throughout: the same result in less time."""
+        """Removes the outer taps that are zero throughout: the result is the same, in less time."""
         used = max(int(np.abs(np.flatnonzero(of.any((0, 1, 2))) - REACH).max()) for of in (self.down, self.across))
         down, across = (np.ascontiguousarray(of[..., REACH - used : REACH + used + 1]) for of in self[:2])
         return Window(down, across, self.description)
@@ -82,7 +82,7 @@ def describe_window(rows: Axis, cols: Axis, disparities: Range, count: int) -> W
 
 @lru_cache(maxsize=8192)  # of 5 KB each
 def _make_filters(present: bytes, disparities: Range, count: int) -> NDArray[np.float32]:
-    """Filters of the rows, or the columns, of a window."""
+    """Makes the filters of the rows or the columns of a window."""
     there = np.frombuffer(present, np.float32)
     shown = int(np.count_nonzero(there))
     offsets = np.arange(shown) - int(there.argmax())

@@ -1,4 +1,4 @@
-"""Runs a light-field network over whole views, in tiles and batches, into one output."""
+"""Runs a light-field network over whole views, in tiles and batches, and collects the results in one output."""
 
 from __future__ import annotations
 
@@ -56,16 +56,16 @@ class Job(NamedTuple):
 
 
 class Output(NamedTuple):
-    """The arrays that runs of the network fill, by the numbers of views."""
+    """The arrays that runs of the network fill, indexed by the numbers of views."""
 
     pictures: NDArray[np.uint16]
-    """`(n, scale*H, scale*W, C)`: 8-bit views as 257 times their levels, which are rounded when they are finished."""
+    """`(n, scale*H, scale*W, C)`. 8-bit views have 257 times their levels and are rounded when they are finished."""
     uncertainty: NDArray[np.float32]
     """`(n, H, W, 1)`."""
     shifts: Sequence[NDArray[np.int64]]
-    """`(R, C)` each, from `measure_shifts`: which run fills which part."""
+    """`(R, C)` each, from `measure_shifts`. They determine which run fills which part."""
     ranges: Sequence[Range]
-    """Of the disparities that shifts leave."""
+    """The ranges of the disparities that remain after the shifts."""
 
 
 def run_network(job: Job, wanted: Sequence[View]) -> Output:
@@ -88,7 +88,7 @@ def run_network(job: Job, wanted: Sequence[View]) -> Output:
 
 
 def _measure_disparities(job: Job, wanted: Sequence[View]) -> tuple[list[NDArray[np.int64]], list[Range]]:
-    """The shifts of each view's tiles, and the range of the disparities that they leave."""
+    """Measures the shifts of each view's tiles, and the range of the disparities that remain after them."""
     if job.disparities is not None:
         height, width, _ = job.views[wanted[0]].shape
         return [make_no_shifts(height, width) for _ in wanted], [job.disparities] * len(wanted)
@@ -99,8 +99,8 @@ def _measure_disparities(job: Job, wanted: Sequence[View]) -> tuple[list[NDArray
 
 
 def _fill_background(job: Job, view: View, output: Output, number: int) -> Pixels | None:
-    """Fills the output of `view` with the result for its background colour, and returns the colour; None where there
-    is no background to skip.
+    """Fills the output of `view` with the result for its background colour and returns that colour; None if there is
+    no background to skip.
     """
     network = job.network
     background = find_background(network, job.views[view]) if job.skip else None
@@ -120,8 +120,9 @@ def _run_shift(
     shift: int,
     output: Output,
 ) -> None:
-    """Upscales the parts of the views of `group` that have `shift` into `output`, except for their `backgrounds`, all
-    by their numbers. The views around are shifted by `shift`.
+    """Upscales the parts of the views of `group` that have `shift`, except for their `backgrounds`, into `output`.
+
+    `group` and `backgrounds` are indexed by the views' numbers. The neighbouring views are shifted by `shift`.
     """
     network, views, grid = job[:3]
     height, width = views[next(iter(group.values()))].shape[:2]
@@ -146,8 +147,8 @@ def _run_shift(
 
 
 class _TileRunner(NamedTuple):
-    """Runs the network on parts of one tile. Thread-safe: where two parts of a view overlap, their results are equal to
-    the bit.
+    """Runs the network on parts of one tile. Thread-safe, because the results of two parts of a view are equal to the
+    bit where they overlap.
     """
 
     job: Job
@@ -159,7 +160,7 @@ class _TileRunner(NamedTuple):
     cores: int
 
     def run_batch(self, batch: Batch) -> None:
-        """Upscales the parts of a batch, of views by their numbers."""
+        """Upscales the parts of a batch."""
         network, views, _ = self.job[:3]
         rows, cols, disparities, parts = batch
         image = np.stack([convert_to_planes(views[self.group[part.number]][part.tile.region]) for part in parts])
@@ -173,7 +174,7 @@ class _TileRunner(NamedTuple):
             write_planes(self.output.uncertainty[number][tile.kept], uncertain[:, *tile.kept_in_tile(1)], mask)
 
     def _fill_window(self, luma: NDArray[np.float32], part: Tile, view: View) -> None:
-        """Sets `luma` `(25, h, w)` to that of a part of the window around `view`."""
+        """Sets `luma` `(25, h, w)` to the luma of a part of the window around `view`."""
         region = part.region_in(self.tile.region)
         for plane, (other, offset) in zip(luma, list_window(view, self.job.grid), strict=True):
             plane[...] = shift_part(self.lumas[other], self.shift, offset)[region]

@@ -1,8 +1,8 @@
-"""Finds how the pixels of a view were sampled, from what a light-field network made of it.
+"""Finds how the pixels of a view were sampled, from the picture that a light-field network made of it.
 
-A network's picture fits its input: made small again in the same way, it is close to it. Two ways are compared: an
-antialiasing filter, as that of bicubic interpolation, and means of cells, which are what lenslets and sensors see.
-Points, which are what pinholes see, fit neither, and noise and the errors of a JPEG both equally badly.
+A network's picture fits its input: downscaled in the same way as the input was, it is close to it. Two ways are
+compared: an antialiasing filter like that of bicubic interpolation, and means of cells, which lenslets and sensors
+record. Points, which pinholes record, fit neither. Noise and the errors of a JPEG fit both equally badly.
 """
 
 from __future__ import annotations
@@ -19,58 +19,60 @@ if TYPE_CHECKING:
     from ciir.models.light_field.disparities.shifts import Pixels, Plane
 
 FILTERED, UNFILTERED = 0.95, 1.05
-"""Ratio of the difference after the filter to that after means, up to which a view counts as filtered, and from which
-it doesn't. On 48 views of four captured light fields it is 0.5 to 1.01 after bicubic interpolation, but for the corner
-of a grid of 15x15, where it is 1.09. Of samples and means it is 1.06 and more, on rendered views too; 0.98 once, where
-little detail is."""
+"""Limits of a ratio: the difference after the filter divided by that after means. Up to the first limit a view counts
+as filtered, from the second it doesn't. On 48 views of four captured light fields the ratio is 0.5 to 1.01 after
+bicubic interpolation, except 1.09 at the corner of a grid of 15x15. For samples and means, including rendered views, it
+is at least 1.06, except 0.98 once, in a view with little detail."""
 NOT_MEANS, MEANS = 1.2, 1.3
-"""The same ratio, up to which a view doesn't count as means, and from which it does."""
+"""Limits of the same ratio: up to the first a view doesn't count as means, from the second it does."""
 UNSURE = (FILTERED, 1.1), (NOT_MEANS, MEANS)
-"""The same ratio, where a view may have been sampled otherwise than it looks: after bicubic interpolation it is up to
-1.07 at corners of a light field in which the network knows much, 0.75 in the middle."""
+"""Intervals of the same ratio in which a view may have been sampled differently than it looks. After bicubic
+interpolation it is up to 1.07 at the corners of a light field on which the network does well, 0.75 in the middle."""
 CLEAN = {"filter": (0.036, 0.046), "means": (0.046, 0.056)}
-"""Difference after the filter or means over the mean range of 3x3 pixels, up to which a view counts as clean, and from
-which it doesn't. On those views it is 0.013 to 0.031 after the filter and 0.023 to 0.048 of means, but for that
-corner; 0.066 and more of points, and 0.09 and more of 66 rendered views with pinholes."""
+"""Limits of the difference after the filter or means, divided by the mean range of 3x3 pixels. Up to the first a view
+counts as clean, from the second it doesn't. On the views above it is 0.013 to 0.031 after the filter and 0.023 to 0.048
+for means, except at that corner. It is at least 0.066 for points, and at least 0.09 on 66 views rendered with
+pinholes."""
 ERRORS = {"filter": 0.0, "means": 3.0}
-"""Standard errors of a pixel up to which a difference is mostly left. In 141 cases of the harm benchmark with means 0
-gains up to 0.2 dB more and loses up to 0.4 where views are JPEGs; 10 gains 0.1 less."""
+"""Standard errors of a pixel up to which a difference is mostly left as it is. In 141 cases of the harm benchmark with
+means, a value of 0 gains up to 0.2 dB more but loses up to 0.4 if views are JPEGs; 10 gains 0.1 less."""
 BORDER = 2
-"""Pixels along each border that are not compared: filters end there in different ways."""
+"""Pixels along each border that are not compared, because filters treat the border differently."""
 WHOLE_ROWS, BANDS, BAND_ROWS = 128, 4, 16
-"""Rows up to which a whole view is compared; of a larger one, so many bands of so many rows are, evenly spaced."""
+"""Most rows of a view that is compared as a whole; and for larger views, the number of evenly spaced bands that are
+compared, and their rows."""
 MEDIAN = 0.6745
-"""Median of the size of normal noise, in its standard deviations."""
+"""Median of the absolute value of normal noise, in standard deviations."""
 FLAT = 1e-9
-"""Sum of squared differences, or of ranges, of values in [0, 1], up to which a view counts as flat."""
+"""Largest sum of squared differences, or of squared ranges, of values in [0, 1], of a view that counts as flat."""
 
 
 class Sampling(NamedTuple):
-    """How a view looks as if it was sampled."""
+    """How a view appears to have been sampled."""
 
     kind: SamplingKind
     likeness: float
-    """How much it looks like that, in (0, 1]."""
+    """How much it looks like that kind, in (0, 1]."""
     gain: float
-    """How much of a difference to what was seen to undo, in [0, 1]: 0 where much is noise."""
+    """The share of a difference from the input to undo, in [0, 1]; 0 if much of it is noise."""
     noise: float
-    """Size of differences that are noise, in luma of [0, 1]."""
+    """The size of differences that are noise, in luma of [0, 1]."""
 
 
 class Finding(NamedTuple):
     """How a view was sampled, and whether that is certain."""
 
     sampling: Sampling | None
-    """None where a view looks like neither kind, or is flat."""
+    """None if the view looks like neither kind, or is flat."""
     is_sure: bool = True
-    """False where its pixels could be either (`UNSURE`)."""
+    """False if its pixels could have been sampled in more than one way (`UNSURE`)."""
 
 
 def find_sampling(large: Pixels, small: Pixels) -> Finding:
-    """How the view `small` `(H, W, C)` was sampled, of which a network made `large` `(scale*H, scale*W, C)`; either may
-    be of 8 or 16 bits.
+    """Finds how the view `small` `(H, W, C)` was sampled, from which a network made `large` `(scale*H, scale*W, C)`.
+    Either may have 8 or 16 bits.
     """
-    from PIL import Image  # the web process does without
+    from PIL import Image  # imported here because the web process doesn't need it
 
     scale, height = len(large) // len(small), len(small)
     peak, small_peak = (float(np.iinfo(picture.dtype).max) for picture in (large, small))
@@ -109,5 +111,5 @@ def _add_squares(plane: Plane) -> float:
 
 
 def _rise(value: float, start: float, end: float) -> float:
-    """From 0 at `start` to 1 at `end`."""
+    """Returns 0 up to `start` and 1 from `end`, rising linearly in between."""
     return float(np.clip((value - start) / (end - start), 0, 1))

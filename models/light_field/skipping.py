@@ -1,5 +1,7 @@
-"""Parts of a light field's views whose upscaled result needs no network: where a view and all views of its window are
-uniform (see `models.single.skipping`), views whose windows repeat, and parts that another shift computes.
+"""Finds the parts of a light field's views that can be upscaled without the network.
+
+These are parts where a view and all views of its window are uniform (see `models.single.skipping`), views whose windows
+repeat, and parts that are computed with another shift.
 """
 
 from __future__ import annotations
@@ -26,14 +28,14 @@ if TYPE_CHECKING:
 
 
 def find_background(network: LightFieldNetwork, view: Pixels) -> Pixels | None:
-    """The background colour `(C,)` of a view `(H, W, C)`; None where skipping it would save nothing."""
+    """Returns the background colour `(C,)` of a view `(H, W, C)`; None if skipping it would save nothing."""
     if min(view.shape[:2]) <= 2 * network.radius or not skipping.can_skip(network):
         return None
     return skipping.find_background(view)
 
 
 def find_repeats(views: Mapping[View, Pixels], wanted: Sequence[View], grid: tuple[int, int]) -> list[int]:
-    """For each view of `wanted` the index of the first whose window has the same pixels."""
+    """Returns, for each view of `wanted`, the index of the first whose window has the same pixels."""
     picture_ids: dict[bytes, int] = {}
     ids: dict[View, int] = {}
     first: dict[tuple[object, ...], int] = {}
@@ -49,23 +51,23 @@ def find_repeats(views: Mapping[View, Pixels], wanted: Sequence[View], grid: tup
 
 
 class TileDifferences:
-    """Where the views of one tile differ from their background; each view is compared once."""
+    """The places where the views of one tile differ from their background. Each view is compared once."""
 
     def __init__(self, views: Mapping[View, Pixels], grid: tuple[int, int], tile: Tile, shift: int) -> None:
-        """`shift`: whole pixels that views are shifted by for each view between them, see
+        """`shift`: whole pixels by which views are shifted for each step in the grid; see
         `models.light_field.disparities.shifts`.
         """
         self._views, self._grid, self._tile, self._shift = views, grid, tile, shift
         self._found: dict[tuple[View, bytes], NDArray[np.bool_]] = {}
 
     def find_boxes(self, view: View, background: Pixels, radius: int) -> list[Tile]:
-        """Boxes of the tile to compute for a view whose window is `background` `(C,)` elsewhere; `radius`: the
-        network's.
+        """Returns the boxes of the tile to compute for a view whose window is `background` `(C,)` elsewhere. `radius`:
+        the network's.
         """
         tile = self._tile
         own = shift_part(self._find_differences(view, background), self._shift, (0, 0))
         if skipping.cover_with_boxes(own, radius) is None:
-            return [tile]  # more views differ in more places
+            return [tile]  # more views would differ in more places
         window = set(list_window(view, self._grid))
         differs = [
             shift_part(self._find_differences(other, background), self._shift, offset) for other, offset in window
@@ -86,8 +88,8 @@ class TileDifferences:
 def split_by_mask(
     network: LightFieldNetwork, boxes: Sequence[Tile], mask: NDArray[np.bool_], tile: Tile
 ) -> Iterator[tuple[Tile, NDArray[np.bool_] | None]]:
-    """Boxes that keep the pixels of `boxes`, parts of `tile`, where `mask` is true, `(h, w)` of the part that `tile`
-    keeps; and the part of the mask for each box, None where it is true everywhere.
+    """Yields boxes that keep the pixels of `boxes`, parts of `tile`, where `mask` is true. `mask` `(h, w)` covers the
+    part that `tile` keeps. Each box comes with its part of the mask, or None if that is true everywhere.
     """
     for box in boxes:
         own = mask[Tile(box.kept, box.kept).region_in(tile.kept)]
@@ -99,12 +101,14 @@ def split_by_mask(
 
 
 def count_skipped(parts: Sequence[Tile], mask: NDArray[np.bool_]) -> int:
-    """At least how many of the pixels where `mask` is true are computed in none of the `parts`."""
+    """Returns a lower bound for the number of pixels where `mask` is true that none of the `parts` computes."""
     return max(0, int(np.count_nonzero(mask)) - sum(skipping.count_pixels(part.region) for part in parts))
 
 
 def _split_box(network: LightFieldNetwork, box: Tile, mask: NDArray[np.bool_]) -> list[Tile]:
-    """Boxes around where `mask` `(h, w)` of the part that `box` keeps is true; `box` itself where they save nothing."""
+    """Returns boxes around the pixels where `mask` `(h, w)`, which covers the part that `box` keeps, is true; `box`
+    itself if they save nothing.
+    """
     if not skipping.can_skip(network):
         return [box]
     parts = []
@@ -124,9 +128,9 @@ def _split_box(network: LightFieldNetwork, box: Tile, mask: NDArray[np.bool_]) -
 def make_pattern(
     network: LightFieldNetwork, background: Pixels, view: View, grid: tuple[int, int], disparities: Range
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The network's result for `view` where all views are one colour `(C,)`, as `skipping.fill_with_pattern` takes it:
-    RGB in [0, 1], `(scale*(2*radius + 1), ..., 3)`, and the uncertainty, `(2*radius + 1, ..., 1)`. `disparities`: the
-    range that the rest of the view has.
+    """Returns the network's result for `view` if all views are one colour `(C,)`, as `skipping.fill_with_pattern` takes
+    it: RGB in [0, 1], `(scale*(2*radius + 1), ..., 3)`, and the uncertainty, `(2*radius + 1, ..., 1)`. `disparities`:
+    the range of the rest of the view.
     """
     rows, cols = (select_axis(place, count).present.tobytes() for place, count in zip(view, grid, strict=True))
     return _make_pattern(network, background.tobytes(), background.dtype.name, (rows, cols), disparities)

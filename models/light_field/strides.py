@@ -1,5 +1,6 @@
-"""Windows of every second or third view: where content hardly moves from one view to the next, those further apart
-help more. Such views form a light field of their own, which has its own border.
+"""Windows of every second or third view, which help more than adjacent views if content hardly moves between views.
+
+Such views form a light field of their own, which has its own border.
 """
 
 from __future__ import annotations
@@ -17,14 +18,14 @@ if TYPE_CHECKING:
     from ciir.models.light_field.windows import View
 
 MOVED = 0.72
-"""Pixels that content may move by from one view of a window to the next: docs/experiments.md."""
+"""Most pixels that content may move by from one view of a window to the next; see docs/experiments.md."""
 MOST = 3
 """The largest stride."""
 
 
 def choose_stride(motion: float | None, grid: tuple[int, int]) -> int:
-    """Every how many-th view of a grid of `grid` views best helps where content moves by `motion` pixels from one view
-    to the next; 1 where that isn't known. Every view has a whole window.
+    """Chooses the stride that helps best in a grid of `grid` views whose content moves by `motion` pixels from one view
+    to the next; 1 if that isn't known. With the chosen stride every view still has a whole window.
     """
     if motion is None:
         return 1
@@ -33,21 +34,21 @@ def choose_stride(motion: float | None, grid: tuple[int, int]) -> int:
 
 
 class _Part(NamedTuple):
-    """The part of a grid that every `stride`-th view makes up."""
+    """The part of a grid that consists of every `stride`-th view."""
 
     first: View
     grid: tuple[int, int]
 
 
 def _find_part(view: View, grid: tuple[int, int], stride: int) -> tuple[_Part, View]:
-    """The part that `view` is in, and its place there."""
+    """Returns the part that `view` is in, and its place there."""
     v, u = (number % stride for number in view)
     part = _Part((v, u), (-(-(grid[0] - v) // stride), -(-(grid[1] - u) // stride)))
     return part, (view[0] // stride, view[1] // stride)
 
 
 def list_spaced_views(wanted: Sequence[View], grid: tuple[int, int], stride: int) -> list[View]:
-    """Every view of the windows around `wanted`, of every `stride`-th view, row by row and each once."""
+    """Lists every view of the windows of every `stride`-th view around `wanted`, row by row and each once."""
     required = set()
     for view in wanted:
         part, place = _find_part(view, grid, stride)
@@ -63,8 +64,8 @@ def upscale_spaced_views(
     grid: tuple[int, int],
     stride: int,
 ) -> tuple[Pixels, list[Finishing]]:
-    """Upscales with windows of every `stride`-th view by `upscale`: `models.light_field.views.upscale_views` with the
-    models set. `views`: at least those of `list_spaced_views`.
+    """Upscales views with windows of every `stride`-th view. `upscale`: `models.light_field.views.upscale_views` with
+    its models already given. `views`: at least those of `list_spaced_views`.
     """
     by_part: dict[_Part, list[int]] = {}
     for number, view in enumerate(wanted):

@@ -1,10 +1,10 @@
 """Filters that combine the samples of all views of a window into a finer picture, with the least squared error.
 
-A sample of a view at offset `a` shows the scene at `n - d*a` of the view to be upscaled, for disparity `d`. The scene
-is taken as a random process whose correlation falls off exponentially, and each sample as its mean over the footprint
-of a sensor element; the estimate of a pixel of twice the resolution from the samples near it is then Wiener's (as
-kriging, or Hardie, IEEE TIP 16(12), 2007, for shifted frames). Compared with adding up the nearest samples it undoes
-the blur of the footprint and of the samples' distances: by 1.7 and 2.1 dB on two captured light fields.
+For disparity `d`, sample `n` of a view at offset `a` shows the scene at `n - d*a` of the view to be upscaled. The scene
+is modelled as a random process whose correlation falls off exponentially, and each sample as its mean over the
+footprint of a sensor element. A pixel of twice the resolution is then estimated from the samples near it by a Wiener
+filter (as in kriging, or Hardie, IEEE TIP 16(12), 2007, for shifted frames). Unlike adding up the nearest samples, this
+undoes the blur of the footprint and of the samples' distances. It gains 1.7 and 2.1 dB on two captured light fields.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 CORRELATION = 5.0
-"""LR pixels over which the scene's correlation falls to 1/e."""
+"""Distance in LR pixels over which the scene's correlation falls to 1/e."""
 NOISE = 0.01
-"""Variance of a sample's noise over that of the scene."""
+"""Variance of a sample's noise divided by that of the scene."""
 STEPS = 16
 """Samples per LR pixel of footprints and correlations."""
 DISPARITIES = 5
-"""Disparities within a plane over which the filter is the best on average."""
+"""Number of disparities within a plane over which the filter is optimised on average."""
 
 
 def make_filters(
@@ -39,11 +39,11 @@ def make_filters(
     reach: float,
     phase: float,
 ) -> Array:
-    """The filters of one axis: `(planes, 2, offsets, taps)`, for the fine samples at `-phase` and `+phase` LR pixels.
+    """Makes the filters of one axis, `(planes, 2, offsets, taps)`, for fine samples at `-phase` and `+phase` LR pixels.
 
-    `disparities`: of the planes, LR pixels per view; each stands for those up to half its entry of `widths` away.
-    `offsets`: of the views that are there. `taps`: LR pixels relative to the pixel. Samples further than `reach` LR
-    pixels are not used. Each filter adds up to 1.
+    `disparities`: those of the planes, LR pixels per view. Each stands for the disparities up to half its entry of
+    `widths` away. `offsets`: those of the views that are present. `taps`: LR pixels relative to the pixel. Samples
+    further away than `reach` LR pixels are not used. Each filter sums to 1.
     """
     lags, among, to_fine = _correlate()
     filters = np.zeros((len(disparities), 2, len(offsets), len(taps)))
@@ -65,9 +65,10 @@ def make_filters(
 
 
 def _correlate() -> tuple[Array, Array, Array]:
-    """Lags in LR pixels, the correlation of two samples at each lag, and of a sample and a fine pixel.
+    """Returns lags in LR pixels, and for each lag the correlation of two samples, and of a sample and a fine pixel.
 
-    It is the mean over the footprints of a bicubic, a box and a point sample: which of them made a picture is unknown.
+    These are means over the footprints of a bicubic, a box and a point sample, because it is unknown which of them made
+    a picture.
     """
     place = (np.arange(-4 * STEPS, 4 * STEPS) + 0.5) / STEPS
     distance = np.abs(place)

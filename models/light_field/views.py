@@ -1,4 +1,4 @@
-"""Upscaling of views of a light field, each with the help of those around it."""
+"""Upscales views of a light field, each with the help of its neighbouring views."""
 
 from __future__ import annotations
 
@@ -45,23 +45,24 @@ def upscale_views(
 
     `views`: (v, u) -> `(H, W, C)`, grey or RGB, 8 or 16 bit, all of one shape and type; at least those of
     `list_required_views`. `fallback`: a single-image model of the same scale. `skip`: whether to skip uniform and
-    repeated parts (`models.light_field.skipping`), which doesn't change the result. `statistics`: the pixels are added
-    to it. `finds_sampling`: whether to find how views were sampled, and to finish them accordingly. `disparities`: the
-    range of all content, pixels from one view to the next, at most `ranges.FARTHEST` to either side; None: it is
-    measured.
+    repeated parts (`models.light_field.skipping`), which doesn't change the result. `statistics`: the counts that the
+    pixels are added to. `finds_sampling`: whether to find how views were sampled and finish them accordingly.
+    `disparities`: the range of all content, pixels from one view to the next, at most `ranges.FARTHEST` in either
+    direction; None to measure it.
 
-    Returns `(len(wanted), scale*H, scale*W, C)` of the same type, rounded to nearest, grey as the mean of three
-    channels; and how each was finished.
+    Returns `(len(wanted), scale*H, scale*W, C)` of the same type, rounded to nearest, with grey as the mean of three
+    channels, and how each view was finished.
 
-    The fallback is used where the network has low confidence, because the views around don't match: another scene,
-    noise, or disparities out of range (`models.light_field.finishing`). Where content moves by more than a pixel from
-    one view to the next, the views around are first shifted back by whole pixels: the network runs once for each shift,
-    on boxes around the parts that have it. Its planes are spread over the range of the disparities that are left in a
-    view (`models.light_field.disparities`). The result for a view doesn't depend on which others are wanted. Large
-    views are upscaled in tiles, all views of one tile after another, to save memory. Levels of 16 bit that use fewer
-    are multiplied by a power of two before, and divided after (`ciir.bit_depth`).
+    The fallback is used where the network has low confidence because the neighbouring views don't match: they show
+    another scene or noise, or disparities are out of range (`models.light_field.finishing`). Where content moves by
+    more than a pixel from one view to the next, the neighbouring views are first shifted back by whole pixels. The
+    network runs once for each shift, on boxes around the parts that have it. Its planes are spread over the range of
+    the disparities that remain in a view (`models.light_field.disparities`). The result for a view doesn't depend on
+    which others are wanted. Large views are upscaled in tiles, all views of one tile after another, to save memory.
+    16-bit levels that use fewer bits are multiplied by a power of two beforehand and divided by it afterwards
+    (`ciir.bit_depth`).
 
-    Raises `InvalidImage` where the views differ in shape or type, or have alpha or another number of channels.
+    Raises `InvalidImage` if the views differ in shape or type, or have alpha or another number of channels.
     """
     required = list_required_views(wanted, grid)
     _check_views(views, wanted[0], required)
@@ -83,7 +84,7 @@ def upscale_views(
 def join_groups(
     groups: Sequence[Sequence[int]], made: Sequence[tuple[Pixels, list[Finishing]]]
 ) -> tuple[Pixels, list[Finishing]]:
-    """The results of `upscale_views` for views in `groups` of their numbers, in the order of the numbers."""
+    """Joins the results of `upscale_views` for `groups` of views, given by their numbers, in order of these numbers."""
     if len(groups) == 1:
         return made[0]
     order = np.argsort(np.concatenate(groups))
@@ -94,7 +95,7 @@ def join_groups(
 def _upscale_repeated(
     job: Job, fallback: Upscaler, wanted: Sequence[View], finds_sampling: bool
 ) -> tuple[Pixels, list[Finishing]]:
-    """The views `wanted`, each of several with equal windows upscaled once, and how each was finished."""
+    """Upscales the views `wanted`, those with equal windows only once, and returns how each was finished too."""
     pixels = job.views[wanted[0]].shape[0] * job.views[wanted[0]].shape[1]
     job.statistics.pixels += len(wanted) * pixels
     firsts = list(range(len(wanted)))
@@ -110,7 +111,7 @@ def _upscale_repeated(
 def _upscale_distinct(
     job: Job, fallback: Upscaler, wanted: Sequence[View], finds_sampling: bool
 ) -> tuple[Pixels, list[Finishing]]:
-    """The views `wanted`, and how each was finished."""
+    """Upscales the views `wanted`, and returns how each was finished too."""
     output = run_network(job, wanted)
     samplings = _find_samplings(job, wanted, output.pictures) if finds_sampling else [None] * len(wanted)
     made = []
@@ -123,8 +124,8 @@ def _upscale_distinct(
 
 
 def _find_samplings(job: Job, wanted: Sequence[View], pictures: Pixels) -> list[Sampling | None]:
-    """How each view was sampled. Where its own picture doesn't tell, that of the middle view of its window does: the
-    network makes it better than one at the border of the grid.
+    """Finds how each view was sampled. If its own picture leaves that uncertain, the middle view of its window decides,
+    because the network upscales it better than a view at the border of the grid.
     """
     found = [find_sampling(picture, job.views[view]) for picture, view in zip(pictures, wanted, strict=True)]
     middles = {number: find_middle(view, job.grid) for number, view in enumerate(wanted) if not found[number].is_sure}
@@ -144,7 +145,7 @@ def _upscale_single(upscaler: Upscaler, view: Pixels, skip: bool) -> NDArray[np.
 
 
 def _check_views(views: Mapping[View, Pixels], view: View, required: Sequence[View]) -> None:
-    """Raises `InvalidImage` where `view` is no picture, or one of the `required` views is not like it."""
+    """Raises `InvalidImage` if `view` is not a picture, or one of the `required` views has another shape or type."""
     first = views[view]
     if first.ndim != 3 or first.shape[2] not in (1, 3) or first.dtype not in (np.uint8, np.uint16):
         raise InvalidImage(
@@ -154,6 +155,6 @@ def _check_views(views: Mapping[View, Pixels], view: View, required: Sequence[Vi
         other = views[v, u]
         if other.shape != first.shape or other.dtype != first.dtype:
             raise InvalidImage(
-                f"view {v},{u}: {other.shape} of {other.dtype}, where view {view[0]},{view[1]} is {first.shape} of "
+                f"view {v},{u}: {other.shape} of {other.dtype}, but view {view[0]},{view[1]} is {first.shape} of "
                 f"{first.dtype}; give views of one size and depth"
             )

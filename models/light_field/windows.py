@@ -1,4 +1,4 @@
-"""Windows: the views of a light field that help to upscale one of them, 5x5 of the grid."""
+"""Windows: the 5x5 views of a light field's grid that help to upscale one of them."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 View = tuple[int, int]
-"""Row v and column u in the grid of views."""
+"""A view's row v and column u in the grid of views."""
 
 WINDOW_SIDE = 5
 """Views along each side of a window."""
 MINIMUM_GRID = 3
-"""Fewest views along each side of a grid for light-field networks; views of a smaller grid are upscaled one by one."""
+"""Fewest views along each side of a grid for light-field networks. Views of a smaller grid are upscaled one by one."""
 
 
 class Axis(NamedTuple):
-    """The rows, or the columns, of a window, in order."""
+    """The rows or the columns of a window, in order."""
 
     views: tuple[int, ...]
-    """`WINDOW_SIDE` numbers in the grid; in a smaller grid the last ones are the view's own number again."""
+    """`WINDOW_SIDE` numbers in the grid. In a smaller grid the last ones repeat the view's own number."""
     present: NDArray[np.float32]
     """`(WINDOW_SIDE,)`: 1 for the view itself, 0.5 for another, 0 where the grid has no more."""
 
 
 def select_axis(position: int, count: int) -> Axis:
-    """The window around row or column `position` of `count`: two to each side; at the border it is moved inwards.
+    """Selects the window around row or column `position` of `count`: two to each side, moved inwards at the border.
 
-    Raises `ValueError` where `position` is outside the grid.
+    Raises `ValueError` if `position` is outside the grid.
     """
     if not 0 <= position < count:
         raise ValueError(f"view {position} of {count}: give 0 to {count - 1}")
@@ -44,21 +44,21 @@ def select_axis(position: int, count: int) -> Axis:
 
 
 def list_window(view: View, grid: tuple[int, int]) -> list[tuple[View, tuple[int, int]]]:
-    """The views of the window around one in a grid of `grid` views, row by row, and the offset of each: rows down and
-    columns to the right.
+    """Lists the views of the window around `view` in a grid of `grid` views, row by row, each with its offset from
+    `view`: rows down and columns to the right.
     """
     rows, cols = select_axis(view[0], grid[0]), select_axis(view[1], grid[1])
     return [((row, col), (row - view[0], col - view[1])) for row in rows.views for col in cols.views]
 
 
 def list_required_views(wanted: Sequence[View], grid: tuple[int, int]) -> list[View]:
-    """Every view (v, u) of the windows around `wanted`, in a grid of `grid` views, row by row and each once."""
+    """Lists every view (v, u) of the windows around `wanted` in a grid of `grid` views, row by row and each once."""
     return sorted({other for view in wanted for other, _ in list_window(view, grid)})
 
 
 def find_middle(view: View, grid: tuple[int, int]) -> View:
-    """The view in the middle of the window around `view`, in a small grid the one nearest to it that is: itself, but at
-    the border.
+    """Finds the middle view of the window around `view`: `view` itself, except at the border of the grid. If a small
+    grid has two middle ones, the nearer one is returned.
     """
     sides = (min(WINDOW_SIDE // 2, (count - 1) // 2) for count in grid)
     v, u = (max(side, min(at, count - 1 - side)) for at, count, side in zip(view, grid, sides, strict=True))

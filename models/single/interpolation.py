@@ -1,4 +1,4 @@
-"""Interpolation with the interface of a network: the baselines."""
+"""The baselines: interpolation with the interface of a network."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SCALES = range(2, 9)
-"""Factors that they upscale by."""
+"""The factors that interpolation upscales by."""
 KEYS_A = -0.5
 """Keys' parameter a, as in MATLAB's `imresize`."""
 
 
 def keys_kernel(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The cubic convolution kernel (Keys, IEEE Trans. ASSP 29(6), 1981, equation 4) at distances `x` in samples."""
+    """Returns Keys' cubic convolution kernel (IEEE Trans. ASSP 29(6), 1981, equation 4) at distances `x` in samples."""
     a, d = KEYS_A, np.abs(x)
     near = (a + 2) * d**3 - (a + 3) * d**2 + 1
     far = a * (d**3 - 5 * d**2 + 8 * d - 4)
@@ -52,7 +52,7 @@ class Bicubic:
         return np.clip(self._upscale_axis(self._upscale_axis(images, 2), 3), 0.0, 1.0)
 
     def _upscale_axis(self, images: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
-        """`images` upscaled along one axis, not clipped."""
+        """Upscales `images` along one axis, without clipping."""
         length = images.shape[axis]
         shape = list(images.shape)
         shape[axis] *= self.scale

@@ -22,8 +22,8 @@ class SingleImageNetwork(OnnxNetwork):
     def __call__(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
         """See `Upscaler.__call__`. Large pictures run in tiles, small ones in batches.
 
-        Those of an int8 network run in parallel, each on one core: its layers are so short that cores which share them
-        wait a sixth of the time. Float networks gain at most a fifteenth, and take several times the memory.
+        An int8 network runs them in parallel, each on one core: its layers are so short that cores which share them
+        wait a sixth of the time. Float networks would gain at most a fifteenth, and take several times the memory.
         """
         check_images(images)
         sizes = self.card.sizes
@@ -42,7 +42,7 @@ class SingleImageNetwork(OnnxNetwork):
         return clip_output(np.ascontiguousarray(result[:, :, *kept]), self.name)
 
     def count_cores(self, pixels: int) -> int:
-        """On how many cores the tiles of one picture of so many `pixels` run."""
+        """Returns on how many cores each tile of one picture of `pixels` pixels runs."""
         tiles_at_least = math.ceil(pixels / TILE_PIXELS)
         return 1 if self._runs_in_parallel and is_parallel_faster(tiles_at_least, self.threads) else self.threads
 
@@ -52,6 +52,6 @@ class SingleImageNetwork(OnnxNetwork):
 
     def _run(self, images: NDArray[np.float32], cores: int) -> NDArray[np.float32]:
         name = self.card.input.name
-        if self.card.input.shape[0] == 1:  # a network of others that takes one picture at a time
+        if self.card.input.shape[0] == 1:  # an external network that takes one picture at a time
             return np.concatenate([self.run({name: image[None]}, cores)[0] for image in images])
         return self.run({name: images}, cores)[0]

@@ -1,4 +1,4 @@
-"""Integer pictures through an upscaler: grey, colour and alpha, 8 and 16 bit."""
+"""Upscales integer pictures: grey, colour and alpha, 8 and 16 bit."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ciir.models.upscaler import Upscaler
 
 BLOCK_PIXELS = 1 << 20
-"""Most input pixels held as float at once: 12 MiB, and `scale**2` times that of output, for each pass."""
+"""Most input pixels held as float at once: 12 MiB, and `scale**2` times as much output, for each pass."""
 
 
 def upscale_pixels(
@@ -35,17 +35,18 @@ def upscale_pixels(
 ) -> NDArray[Any]:
     """Upscales `(N, H, W, C)` to `(N, scale*H, scale*W, C)` of the same type, rounded to nearest.
 
-    C: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha; 8 or 16 bit. Grey is upscaled as three equal channels, whose
-    mean is returned. Alpha is straight: colours are multiplied by it before their pass and divided after, so that
-    hidden colours don't bleed into visible ones, and alpha has a pass of its own. Alpha is exact where it was flat:
-    where a pixel and its eight neighbours are all clear or all opaque, so is the result. Clear pixels come out black.
+    C is 1 for grey, 2 for grey and alpha, 3 for RGB, and 4 for RGB and alpha; 8 or 16 bit. Grey is upscaled as three
+    equal channels, whose mean is returned. Alpha is straight: colours are multiplied by it before their pass and
+    divided by it afterwards, so that hidden colours don't bleed into visible ones. Alpha has its own pass and is exact
+    where it was flat: where a pixel and its eight neighbours are all clear or all opaque, so is the result. Clear
+    pixels come out black.
 
-    For a network, colours of 16 bit that use fewer bits are multiplied by a power of two before, and divided
-    after (`ciir.bit_depth`). `skip`: whether to skip uniform and repeated parts (`models.single.skipping`), which
-    doesn't change the result. `statistics`: the pixels are added to it. `keeps_fractions`: 8-bit pictures come out in
-    16 bits, with 257 times the levels, for what is rounded later.
+    For a network, 16-bit colours that use fewer bits are multiplied by a power of two beforehand and divided by it
+    afterwards (`ciir.bit_depth`). `skip`: whether to skip uniform and repeated parts (`models.single.skipping`), which
+    doesn't change the result. `statistics`: the counts that the pixels are added to. `keeps_fractions`: whether 8-bit
+    pictures come out in 16 bits, with 257 times the levels, because they are rounded later.
 
-    Raises `InvalidImage` where the array is of another shape or type.
+    Raises `InvalidImage` if the array has another shape or type.
     """
     if pictures.ndim != 4 or not 1 <= pictures.shape[3] <= 4 or 0 in pictures.shape[1:3]:
         raise InvalidImage(f"an array of shape {pictures.shape}: give (N, H, W, C) with C from 1 to 4")
@@ -65,7 +66,7 @@ def upscale_pixels(
 def _upscale_distinct(
     upscaler: Upscaler, pictures: NDArray[Any], depth: np.dtype[Any], skip: bool, statistics: SkipStatistics
 ) -> NDArray[Any]:
-    """Upscales pictures to the type `depth`, each of several equal ones once where `skip`."""
+    """Upscales pictures to the type `depth`. With `skip`, equal pictures are upscaled only once."""
     count, height, width, _ = pictures.shape
     statistics.pixels += count * height * width
     if not skip:
@@ -81,7 +82,7 @@ def _upscale_distinct(
 def _upscale_boxes(
     upscaler: Upscaler, pictures: NDArray[Any], depth: np.dtype[Any], statistics: SkipStatistics
 ) -> NDArray[Any]:
-    """Upscales pictures, computing only what is not uniform background."""
+    """Upscales pictures, and computes only the parts that are not uniform background."""
     count, height, width, channels = pictures.shape
     scale, radius = upscaler.scale, upscaler.radius
     found = [skipping.find_boxes(picture, radius) for picture in pictures] if skipping.can_skip(upscaler) else []
@@ -106,7 +107,7 @@ def _upscale_boxes(
 
 @lru_cache(maxsize=64)
 def _make_pattern(upscaler: Any, colour: bytes, given: np.dtype[Any], depth: np.dtype[Any]) -> NDArray[Any]:
-    """The result for a small picture of one colour, as `skipping.fill_with_pattern` takes it."""
+    """Returns the result for a small picture of one colour, as `skipping.fill_with_pattern` takes it."""
     side = 2 * upscaler.radius + 1
     uniform = np.tile(np.frombuffer(colour, given), (1, side, side, 1))
     pattern: NDArray[Any] = _upscale_whole(upscaler, uniform, depth)[0]
@@ -125,7 +126,7 @@ def _upscale_whole(upscaler: Upscaler, pictures: NDArray[Any], depth: np.dtype[A
         for first in range(0, count, batch):
             part = slice(first, first + batch)
             large = _upscale_block(upscaler, pictures[part, rows, cols], depth)  # (n, C, h, w)
-            for channel in range(channels):  # several times as fast as all at once
+            for channel in range(channels):  # several times faster than all at once
                 result[part, top, left, channel] = large[:, channel, good_rows, good_cols]
     return result
 
@@ -155,14 +156,14 @@ def _upscale_block(upscaler: Upscaler, pictures: NDArray[Any], depth: np.dtype[A
 
 
 def _upscale_colour(upscaler: Upscaler, colour: NDArray[np.float32]) -> NDArray[np.float32]:
-    """`(N, 1 or 3, H, W)` -> the same channels, `scale` times as large."""
+    """Upscales `(N, 1 or 3, H, W)` to the same number of channels."""
     if colour.shape[1] == 3:
         return upscaler(np.ascontiguousarray(colour))
     return np.asarray(upscaler(np.repeat(colour, 3, axis=1)).mean(axis=1, keepdims=True))
 
 
 def _upscale_alpha(upscaler: Upscaler, alpha: NDArray[np.float32]) -> NDArray[np.float32]:
-    """`(N, 1, H, W)` -> `scale` times as large; exactly 0 or 1 where the 3x3 pixels around are."""
+    """Upscales `(N, 1, H, W)`. The result is exactly 0 or 1 where all of the surrounding 3x3 pixels are."""
     large = _upscale_colour(upscaler, alpha)
     windows = np.lib.stride_tricks.sliding_window_view(
         np.pad(alpha, ((0, 0), (0, 0), (1, 1), (1, 1)), mode="edge"), (3, 3), axis=(2, 3)

@@ -1,4 +1,4 @@
-"""Parts of pictures whose upscaled result needs no network: uniform background, and repeated pictures.
+"""Finds the parts of pictures that can be upscaled without the network: uniform background and repeated pictures.
 
 A convolutional network turns a picture of one colour into the same pattern everywhere, except within its receptive
 field of the border. So a small picture of that colour gives the result for all uniform parts, and the network runs only
@@ -29,34 +29,34 @@ if TYPE_CHECKING:
     Picture = NDArray[np.uint8] | NDArray[np.uint16]
 
 MINIMUM_RADIUS = 3
-"""Radius from which a model is slow enough for skipping to save time: that of networks, not of interpolation."""
+"""Smallest radius of a model that is slow enough for skipping to save time. Networks are; interpolation isn't."""
 MAXIMUM_SHARE = 0.95
-"""Share of a picture's pixels in boxes above which the whole picture is computed, which is then faster."""
+"""If boxes hold a larger share of a picture's pixels, the whole picture is computed, which is then faster."""
 SPLIT_SAVING = 0.04
-"""Share of a box's pixels that splitting it in two must save."""
+"""The share of a box's pixels that splitting it in two must save."""
 CALL_PIXELS = 1000
-"""Pixels that take a network about as long as the overhead of one call."""
+"""The number of pixels that a network computes in about the time that the overhead of one call takes."""
 
 
 @dataclass
 class SkipStatistics:
-    """Counts of input pixels that were upscaled, and of those skipped."""
+    """Counts of the input pixels that were upscaled and of those that were skipped."""
 
     pixels: int = 0
-    """All of them, skipped or not."""
+    """All pixels, skipped or not."""
     uniform: int = 0
-    """Skipped as uniform: those outside the boxes."""
+    """Pixels skipped as uniform, because they are outside the boxes."""
     repeated: int = 0
-    """Skipped as repeated: those of pictures that equal an earlier one."""
+    """Pixels skipped as repeated, because their picture equals an earlier one."""
     seconds: float = 0.0
-    """Time for the pixels that were not skipped, which the caller of the model adds up."""
+    """The time for the pixels that were not skipped; the caller of the model adds it up."""
 
 
 def can_skip(model: Upscaler | OnnxNetwork) -> bool:
-    """Whether skipping gives the same result and saves time.
+    """Returns whether skipping gives the same result and saves time.
 
-    It doesn't for a network whose pictures are padded to multiples or to a square: the border that it sees is not the
-    picture's.
+    The result differs for a network whose pictures are padded to multiples or to a square, because the border that it
+    sees is not the picture's.
     """
     if model.radius < MINIMUM_RADIUS:
         return False
@@ -66,14 +66,14 @@ def can_skip(model: Upscaler | OnnxNetwork) -> bool:
 
 
 def find_repeats(pictures: Picture) -> list[int]:
-    """For each of `(N, H, W, C)` the index of the first picture that equals it."""
+    """Returns, for each picture of `(N, H, W, C)`, the index of the first picture that equals it."""
     first: dict[bytes, int] = {}
     return [first.setdefault(picture.tobytes(), number) for number, picture in enumerate(pictures)]
 
 
 def find_boxes(picture: Picture, radius: int) -> tuple[Picture | None, list[Tile]]:
-    """The background colour `(C,)` of a picture `(H, W, C)`, and the boxes around everything else; None and the whole
-    picture where boxes would save nothing.
+    """Returns the background colour `(C,)` of a picture `(H, W, C)` and the boxes around everything else, or None and
+    the whole picture if boxes would save nothing.
     """
     height, width, _ = picture.shape
     colour = find_background(picture) if min(height, width) > 2 * radius else None
@@ -83,9 +83,10 @@ def find_boxes(picture: Picture, radius: int) -> tuple[Picture | None, list[Tile
 
 
 def find_background(picture: Picture) -> Picture | None:
-    """The most frequent colour `(C,)` of the corners of `(H, W, C)`; None where all four differ.
+    """Returns the most frequent colour `(C,)` of the corners of `(H, W, C)`; None if all four differ.
 
-    Then boxes would save nothing: a box smaller than the picture leaves out one side, and so two corners.
+    In that case boxes would save nothing: a box smaller than the picture leaves out at least one side, and with it two
+    corners of equal colour.
     """
     corners = [picture[row, col] for row in (0, -1) for col in (0, -1)]
     values = [corner.tobytes() for corner in corners]
@@ -94,7 +95,7 @@ def find_background(picture: Picture) -> Picture | None:
 
 
 def find_differences(picture: Picture, colour: Picture) -> NDArray[np.bool_]:
-    """`(H, W)`: where `(H, W, C)` differs from a colour `(C,)`."""
+    """Returns a mask `(H, W)` that is true where `(H, W, C)` differs from a colour `(C,)`."""
     differs: NDArray[np.bool_] = picture[..., 0] != colour[0]
     for channel in range(1, picture.shape[2]):
         differs |= picture[..., channel] != colour[channel]
@@ -102,10 +103,10 @@ def find_differences(picture: Picture, colour: Picture) -> NDArray[np.bool_]:
 
 
 def cover_with_boxes(differs: NDArray[np.bool_], radius: int) -> list[Tile] | None:
-    """Boxes that keep everything within `radius` of where a picture `differs` `(H, W)` from its background.
+    """Returns boxes that keep all pixels within `radius` of where a picture `differs` `(H, W)` from its background.
 
-    An empty list where it differs nowhere; None where boxes would save nothing. A box keeps `radius` more on each side
-    than what differs, and reads `radius` more than that; boxes may overlap.
+    The list is empty if it differs nowhere, and None is returned if boxes would save nothing. On each side a box keeps
+    `radius` pixels more than the part that differs, and reads another `radius` pixels. Boxes may overlap.
     """
     height, width = differs.shape
     parts = split_differences(differs, 2 * radius)
@@ -116,8 +117,8 @@ def cover_with_boxes(differs: NDArray[np.bool_], radius: int) -> list[Tile] | No
 
 
 def fill_with_pattern(result: NDArray[Any], pattern: NDArray[Any], radius: int, scale: int) -> None:
-    """Sets `result` `(scale*H, scale*W, C)` to the network's result for a picture of one colour, H and W being at
-    least `2*radius + 1`. `pattern`: its result for that colour with `2*radius + 1` pixels along each side.
+    """Sets `result` `(scale*H, scale*W, C)` to the network's result for a picture of one colour. H and W must be at
+    least `2*radius + 1`. `pattern`: the result for a picture of that colour with sides of `2*radius + 1` pixels.
     """
     edge = radius * scale
     height, width = result.shape[:2]
@@ -129,9 +130,9 @@ def fill_with_pattern(result: NDArray[Any], pattern: NDArray[Any], radius: int, 
 
 
 def split_differences(differs: NDArray[np.bool_], halo: int, origin: tuple[int, int] = (0, 0)) -> list[Span]:
-    """Boxes, without halo, around everything that `differs`, `(H, W)`; `origin`: its position in the picture.
+    """Returns boxes, without halo, around everything that `differs`, `(H, W)`; `origin` is its position in the picture.
 
-    One box, or two in its place where that saves enough pixels, and so on for each of them.
+    A box is replaced by two if that saves enough pixels, and each of these may be split again.
     """
     rows = np.flatnonzero(differs.any(axis=1))
     if not len(rows):
@@ -153,14 +154,14 @@ def split_differences(differs: NDArray[np.bool_], halo: int, origin: tuple[int, 
 
 
 def count_pixels(part: Span) -> int:
-    """The number of pixels in rows and columns."""
+    """Returns the number of pixels in a span of rows and columns."""
     rows, cols = part
     return int((rows.stop - rows.start) * (cols.stop - cols.start))
 
 
 def _find_cut(differs: NDArray[np.bool_], halo: int) -> tuple[int, int]:
-    """The row to split at so that two boxes, around what `differs` above it and from it on, have the fewest pixels with
-    their halos: that number of pixels, and the row.
+    """Finds the row at which to split so that the two boxes, around what `differs` above that row and from it on, have
+    the fewest pixels with their halos. Returns that number of pixels and the row.
     """
     height, width = differs.shape
     if height < 2:

@@ -1,7 +1,7 @@
-"""The image, built, and the compose file's services, on a real Docker engine.
+"""Builds the image and runs the compose file's services on a real Docker engine.
 
-It takes minutes and a network to build with, so it runs only on request: `CIIR_TEST_CONTAINERS=1 python -m pytest
-tests/containers`.
+This takes minutes and needs a network for the build, so it runs only on request: `CIIR_TEST_CONTAINERS=1 python -m
+pytest tests/containers`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def engine():
 
 @pytest.fixture(scope="session")
 def compose(engine):
-    """The command of compose: the engine's own, or the older program."""
+    """Returns the command of compose: the engine's own, or the older program."""
     for command in (["docker", "compose"], ["docker-compose"]):
         if succeeds(*command, "version"):
             return command
@@ -40,7 +40,7 @@ def image(engine):
 
 @pytest.fixture(scope="session")
 def redis(engine):
-    """The official image, or, where it cannot be pulled, one of Debian's Redis under its name."""
+    """Returns the official image, or if it can't be pulled, one with Debian's Redis under the same name."""
     if not succeeds("docker", "image", "inspect", REDIS) and not succeeds("docker", "pull", REDIS):
         dockerfile = Path(__file__).with_name("redis.Dockerfile").read_text()
         run("docker", "build", "--network", "host", "--tag", REDIS, "-", input=dockerfile)

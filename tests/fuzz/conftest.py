@@ -1,4 +1,4 @@
-"""A server of this clone for hostile clients."""
+"""A server of this checkout for hostile clients."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from tests.support.servers import run_server
 
 @pytest.fixture(scope="session")
 def hostile_server(tmp_path_factory):
-    """A running server, which must stop in time and without a traceback.
+    """Yields a running server, which must stop in time and without a traceback.
 
-    A display's picture of 11 million pixels is refused: many seconds of work that no answer waits for.
+    A display's picture of 11 million pixels is refused, because it is many seconds of work that no answer waits for.
     """
     folder = tmp_path_factory.mktemp("hostile")
     limits = {"CIIR_MAX_OUTPUT_PIXELS": "10000000"}

@@ -98,5 +98,5 @@ def test_a_light_field_network_needs_its_inputs_and_two_planes(tmp_path, planes)
         inputs["down"]["shape"][0] = planes
     path = tmp_path / "field.json"
     path.write_text(json.dumps(table | {"extra_inputs": list(inputs.values())}))
-    with pytest.raises(BadCard, match="for 2 planes and more: export it again"):
+    with pytest.raises(BadCard, match="for at least 2 planes: export it again"):
         cards.read_card(path)

@@ -51,7 +51,9 @@ def test_networks_of_ones_own(tmp_path, monkeypatch):
         models.load_upscaler("own/mine.json")
 
 
-@pytest.mark.parametrize(("folder", "message"), [("nothing", "is no folder"), ("taken", "fast is the name of another")])
+@pytest.mark.parametrize(
+    ("folder", "message"), [("nothing", "is not a folder"), ("taken", "fast is the name of another")]
+)
 def test_a_folder_of_ones_own_that_cannot_be_used(tmp_path, monkeypatch, folder, message):
     copy_network(tmp_path / "taken", "fast")
     monkeypatch.setenv("CIIR_MODELS", str(tmp_path / folder))

@@ -69,7 +69,7 @@ def test_int8_on_a_processor_without_support_is_refused(tmp_path, monkeypatch, t
     cards.write_card(card, path)
     shutil.copy(SHIPPED / "paper.onnx", tmp_path)
     monkeypatch.setattr(sessions.processor, "int8_unsupported_reason", lambda: "this processor has no VNNI")
-    message = f"paper: it computes in int8, and this processor has no VNNI; {remedy}"
+    message = f"paper: it computes in int8, but this processor has no VNNI; {remedy}"
     with pytest.raises(UnsuitedProcessor, match=message):
         OnnxNetwork(path)
     monkeypatch.setattr(sessions.processor, "int8_unsupported_reason", lambda: "")

@@ -1,4 +1,4 @@
-"""Fixtures of all tests of the service."""
+"""Fixtures for all tests of the service."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tests.support.servers import run_server
 
 @pytest.fixture(scope="session", autouse=True)
 def cache_of_tests(tmp_path_factory):
-    """A cache folder of its own, so that the user's is neither read nor written."""
+    """Uses a separate cache folder, so that the user's is neither read nor written."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("CIIR_CACHE", str(tmp_path_factory.mktemp("cache")))
         yield

@@ -19,7 +19,7 @@ ARRAY = LensArray(50, 50, 15, 15)
 
 
 def require_backend(name: str) -> Backend:
-    """The backend called `name`; skips the test where it doesn't run."""
+    """Opens the backend called `name`. Skips the test if it doesn't run."""
     try:
         return open_backend(name)[0]
     except BackendUnavailable as error:
@@ -27,7 +27,7 @@ def require_backend(name: str) -> Backend:
 
 
 def place_scene(name: str, array: LensArray = ARRAY, placement: Placement = AS_GIVEN) -> Scene:
-    """A sample scene, or a mesh file of ../shared, placed at `array`; skips the test without ../shared."""
+    """Places a sample scene, or a mesh file of ../shared, at `array`. Skips the test if ../shared is missing."""
     if name in SCENES:
         found = load_scene(name)
     elif SHARED.is_dir():
@@ -39,7 +39,9 @@ def place_scene(name: str, array: LensArray = ARRAY, placement: Placement = AS_G
 
 
 def find_disagreements(one, other, *, textured):
-    """What is out of bounds between two sets of RGBA views `(n, rows, cols, 4)`, `other` being the exact one."""
+    """Lists the differences that are out of bounds between two sets of RGBA views `(n, rows, cols, 4)`. `other` is the
+    exact one.
+    """
     errors = []
     mask, exact = one[..., 3] > 0, other[..., 3] > 0
     edge = np.zeros_like(exact)
@@ -50,7 +52,7 @@ def find_disagreements(one, other, *, textured):
         edge[tuple(before)] |= step
         edge[tuple(after)] |= step
     differ = mask != exact
-    # OpenGL snaps vertices to 1/256 of a pixel; an edge crosses a pixel's centre within that for about 1 in 100.
+    # OpenGL snaps vertices to 1/256 of a pixel. About 1 in 100 edge pixels has its centre within that of the edge.
     if differ.sum() > 0.02 * edge.sum():
         errors.append(f"silhouette: {differ.sum()} of {edge.sum()} pixels at the edge differ")
     signed = int(mask.sum()) - int(exact.sum())

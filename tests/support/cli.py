@@ -1,4 +1,4 @@
-"""The command line as tests call it."""
+"""Calls the command line from tests."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ SMALL = ["--lenses", "12x10", "--pixels", "3x5", "--backend", "raytrace"]
 
 
 def fails(capsys, *argv):
-    """The one line on standard error of a command that ends with 2."""
+    """Runs a command that must end with 2, and returns its only line on standard error."""
     assert main([str(word) for word in argv]) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
@@ -19,5 +19,5 @@ def fails(capsys, *argv):
 
 
 def read(path):
-    """The pixels of a picture that a command wrote."""
+    """Reads the pixels of a picture that a command wrote."""
     return decode(Path(path).read_bytes(), name=str(path))

@@ -1,4 +1,4 @@
-"""Displays for tests: a small lenticular one, and scenes that stand at a display."""
+"""Displays for tests: a small lenticular one, and scenes placed at a display."""
 
 import json
 
@@ -29,13 +29,17 @@ CALIBRATION = {
 
 
 def make_calibration(**values):
-    """A display of 120x80 pixels, and of a real one's other numbers, with `values` in place of some."""
+    """Makes the calibration of a display of 120x80 pixels with the other numbers of a real one, some replaced by
+    `values`.
+    """
     changed = {key: {"value": value} for key, value in values.items()}
     return parse_calibration(json.dumps(CALIBRATION | changed).encode(), name="c.json")
 
 
 def load_at(name, array):
-    """A sample scene, or a mesh of ../shared, half behind and half before `array`; skips the test without ../shared."""
+    """Loads a sample scene, or a mesh of ../shared, half behind and half in front of `array`. Skips the test if
+    ../shared is missing.
+    """
     if name in SCENES:
         scene = load_scene(name)
     elif SHARED.is_dir():

@@ -23,17 +23,17 @@ CUBE_OBJ = b"""
 v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1
 f 5 6 7 8\nf 2 1 4 3\nf 6 2 3 7\nf 1 5 8 4\nf 8 7 3 4\nf 1 2 6 5
 """
-"""For new processes: its reader imports no trimesh, which takes most of a second."""
+"""A cube for new processes, because its reader doesn't import trimesh, which takes most of a second."""
 
 
 def make_picture(height, width, channels=3, dtype=np.uint8, seed=0):
-    """Noise, so that two pixels that change places show."""
+    """Makes a picture of noise, so that swapped pixels are noticed."""
     top = np.iinfo(dtype).max
     return np.random.default_rng(seed).integers(0, top, (height, width, channels), dtype, endpoint=True)
 
 
 def make_zip(files):
-    """The bytes of a zip that holds `files`, name -> bytes."""
+    """Makes the bytes of a zip that holds `files`, name -> bytes."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in files.items():
@@ -42,7 +42,7 @@ def make_zip(files):
 
 
 def make_png_header(height, width):
-    """A PNG whose header claims a size and that has no pixels."""
+    """Makes a PNG whose header claims a size, without pixels."""
 
     def chunk(kind, data):
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
@@ -52,14 +52,14 @@ def make_png_header(height, width):
 
 
 def make_off(vertices, faces):
-    """The bytes of an OFF mesh of triangles."""
+    """Makes the bytes of an OFF mesh of triangles."""
     lines = [f"OFF\n{len(vertices)} {len(faces)} 0"]
     lines += [" ".join(map(str, v)) for v in vertices] + [f"3 {a} {b} {c}" for a, b, c in faces]
     return "\n".join(lines).encode() + b"\n"
 
 
 def make_glb(extension):
-    """A GLB without content that requires `extension`."""
+    """Makes a GLB without content that requires `extension`."""
     body = json.dumps({"asset": {"version": "2.0"}, "extensionsRequired": [extension], "extensionsUsed": [extension]})
     chunk = body.encode().ljust(-(-len(body) // 4) * 4)
     return struct.pack("<4sII", b"glTF", 2, 20 + len(chunk)) + struct.pack("<I4s", len(chunk), b"JSON") + chunk
@@ -109,16 +109,16 @@ BAD_INPUTS = {
     "too many samples": ("a.off", CUBE, {"lenses": "4000x4000", "strategy": "direct"}, 413, ["8000x8000", "samples"]),
     "too large a view": ("a.off", CUBE, {"lenses": "4096x4096", "model": "bicubic", "scale": "8"}, 413, ["limit"]),
 }
-"""Description -> (file name, bytes, options, HTTP status, what the one line of the message must contain)."""
+"""Description -> (file name, bytes, options, HTTP status, parts that the message's only line must contain)."""
 
 
 def contains_all(line, parts):
-    """Whether `line` contains each of `parts`, in which `|` separates alternatives."""
+    """Returns whether `line` contains each of `parts`, in which `|` separates alternatives."""
     return all(any(option in line for option in part.split("|")) for part in parts)
 
 
 def make_profile(name: str, *, is_v4: bool = False, before: int = 0) -> bytes:
-    """A colour profile that holds its name alone, after as many bytes as `before`."""
+    """Makes a colour profile that holds only its name, after `before` bytes."""
     if is_v4:
         text = name.encode("utf-16-be")
         tag = b"mluc" + struct.pack(">IIIHHII", 0, 1, 12, 0x656E, 0x5553, len(text), 28) + text

@@ -25,30 +25,30 @@ def submit_data(jobs, data=b"data", client="", **options):
 
 
 def wait_for_end(jobs, id_, states=FINAL):
-    """The job, once it is in one of `states`."""
+    """Waits until the job is in one of `states`, and returns it."""
     return wait_until(lambda: (job := jobs.get(id_)) and job.state in states and job)
 
 
 def read_result(jobs, id_):
-    """The bytes of a job's result."""
+    """Reads the bytes of a job's result."""
     with jobs.open_result(id_) as file:
         return file.read()
 
 
 def make_result(data=b"result"):
-    """What a run stores that published `data`."""
+    """Makes the result record of a run that published `data`."""
     return Result("png", len(data), {"timings_ms": {}}, hashlib.sha256(data).hexdigest())
 
 
 def publish_result(jobs, run, data=b"result"):
-    """Puts the result file of a run in its place."""
+    """Writes and publishes the result file of a run."""
     with jobs.files.open_run(run.input, run.output) as files:
         files.target.write_bytes(data)
         files.publish()
 
 
 def finish_job(jobs, job, data=b"result", lease="c-1"):
-    """The job, done, with `data` as its result."""
+    """Finishes the job with `data` as its result, and returns it."""
     run = jobs.lifecycle.start(job.id, lease)
     publish_result(jobs, run, data)
     assert jobs.lifecycle.finish(run, make_result(data))
@@ -56,7 +56,7 @@ def finish_job(jobs, job, data=b"result", lease="c-1"):
 
 
 def fail_job(jobs, job, status):
-    """The job, failed with `status`."""
+    """Makes the job fail with `status`, and returns it."""
     assert jobs.lifecycle.finish(jobs.lifecycle.start(job.id, "c-1"), Problem(status, "Title", "detail"))
     return jobs.get(job.id)
 
@@ -75,14 +75,14 @@ def run_in_threads(function, count):
 
 
 def list_files(jobs):
-    """All files of the jobs, relative to their folder, without the records beside the inputs."""
+    """Lists all files of the jobs, relative to their folder, without the records that belong to inputs."""
     folder = jobs.folder / "files"
     names = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
     return sorted(name for name in names if not (name.endswith(RECORD) and name.removesuffix(RECORD) in names))
 
 
 def read_metrics(metrics, *names):
-    """The values of metrics by their names and labels in Prometheus' text format."""
+    """Reads the values of metrics, given by their names and labels in Prometheus' text format."""
     lines = dict(line.rsplit(" ", 1) for line in metrics.text().decode().splitlines() if not line.startswith("#"))
     return [float(lines[name]) for name in names]
 
@@ -92,18 +92,18 @@ def raise_worker_died(task, progress, cancelled):
 
 
 def write_double(task, progress, cancelled):
-    """A task's work: writes the input's bytes twice."""
+    """Does a task's work: writes the input's bytes twice."""
     task.target.write_bytes(task.source.read_bytes() * 2)
     return Result("png", task.target.stat().st_size, {"timings_ms": {"total": 1.0}})
 
 
 class StandInPool:
-    """Runs tasks in the calling thread, by `work(task, progress, cancelled)`, which a test may replace."""
+    """Runs tasks in the calling thread with `work(task, progress, cancelled)`, which a test may replace."""
 
     def __init__(self, work=write_double):
         self.work = work
         self.started = []
-        """Ids of the jobs whose tasks were started."""
+        """The ids of the jobs whose tasks were started."""
 
     def run(self, task, hooks):
         self.started.append(task.id)
@@ -119,20 +119,20 @@ class JobService:
         self._jobs, self._consumers = [], []
 
     def open_jobs(self, **settings):
-        """The jobs in the folder, as another process would open them."""
+        """Opens the jobs in the folder, as another process would."""
         jobs = Jobs(Settings(folder=self.folder, **settings))
         self._jobs.append(jobs)
         return jobs
 
     def start_consumer(self, jobs, pool, threads=1):
-        """A consumer of `jobs` that runs their tasks in `pool`."""
+        """Starts a consumer of `jobs` that runs their tasks in `pool`."""
         consumer = Consumer(jobs, pool, threads)
         consumer.start()
         self._consumers.append(consumer)
         return consumer
 
     def stop_consumer(self, consumer, seconds=60.0):
-        """Stops it; running tasks have so many seconds to finish."""
+        """Stops a consumer, whose running tasks have `seconds` to finish."""
         self._consumers.remove(consumer)
         consumer.stop(seconds)
 
@@ -144,7 +144,7 @@ class JobService:
 
 
 class RedisServer:
-    """A Redis server behind a socket in a folder of its own, which keeps its data when it is killed."""
+    """A Redis server behind a socket in its own folder. It keeps its data when it is killed."""
 
     def __init__(self):
         self.folder = Path(tempfile.mkdtemp(prefix="ciir-"))  # short: a socket's path has at most 107 bytes

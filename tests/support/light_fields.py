@@ -1,4 +1,4 @@
-"""Small light fields of textured planes, their views in a wrong order, and as files."""
+"""Small light fields of textured planes, also with their views in a wrong order, and as files."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DISPARITIES = (-2, 3)
-"""Of the upper and the lower half of `make_views`, pixels."""
+"""Disparities of the upper and the lower half of `make_views`, pixels."""
 WAVES = 60
-"""Sines in a texture of `draw_layers`."""
+"""Number of sines in a texture of `draw_layers`."""
 WAVELENGTHS = 4.0, 30.0
-"""Pixels."""
+"""Range of their wavelengths, pixels."""
 
 
 def make_views(grid=(5, 5), *, side=96, disparities=DISPARITIES, noise=0.0, channels=1, dtype=np.uint8, seed=0):
-    """Views of two textured planes at different depths, `(V, U, side, side, C)`, in the right order."""
+    """Makes views of two textured planes at different depths, `(V, U, side, side, C)`, in the right order."""
     random = np.random.default_rng(seed)
     margin = max(map(abs, disparities)) * max(grid)
     texture = random.normal(size=(2, side + 2 * margin, side + 2 * margin))
@@ -39,31 +39,31 @@ def make_views(grid=(5, 5), *, side=96, disparities=DISPARITIES, noise=0.0, chan
 
 
 def put_in(order, views):
-    """`views`, which are in the right order, in another one."""
+    """Puts `views`, which are in the right order, in another one."""
     turned = views[::-1] if order.endswith("axis") else views
     return turned.transpose(1, 0, 2, 3, 4) if order.startswith("transposed") else turned
 
 
 def wind(views):
-    """`views` with every other row reversed, as a gantry takes them that moves to and fro."""
+    """Reverses every other row of `views`, as taken by a gantry that moves back and forth."""
     return np.stack([row[::-1] if v % 2 else row for v, row in enumerate(views)])
 
 
 def is_same_light_field(one, other):
-    """Whether the views are equal, or all of them in the opposite order."""
+    """Returns whether the views are equal, or all of them are in the opposite order."""
     return np.array_equal(one, other) or np.array_equal(one, other[::-1, ::-1])
 
 
 def write_views(views, name):
-    """Views as PNG files; `name`: of view (v, u)."""
+    """Encodes views as PNG files. `name`: returns the name of view (v, u)."""
     return {name(v, u): encode(np.ascontiguousarray(views[v, u]), ".png") for v, u in np.ndindex(*views.shape[:2])}
 
 
 def draw_layers(
     far: float, near: float | None = None, *, count: int = 5, size: tuple[int, int] = (120, 160), seed: int = 1
 ) -> NDArray[np.uint8]:
-    """`(count, count, H, W, 3)` views of the depth sense of cameras: a plane of disparity `far` and before it a disc of
-    disparity `near`, which covers a fifth of the view.
+    """Draws views `(count, count, H, W, 3)` in the depth sense of cameras: a plane of disparity `far`, and in front of
+    it a disc of disparity `near`, which covers a fifth of the view.
     """
     height, width = size
     y, x = np.arange(height), np.arange(width)
@@ -81,7 +81,7 @@ def draw_layers(
 
 
 def _draw(y: NDArray[np.float64], x: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
-    """`(len(y), len(x), 3)` about 0.5, at any places."""
+    """Draws a texture `(len(y), len(x), 3)` around 0.5, at any places."""
     random = np.random.default_rng(seed)
     frequency, angle = 2 * np.pi / random.uniform(*WAVELENGTHS, WAVES), random.uniform(0, 2 * np.pi, WAVES)
     phase = np.exp(2j * np.pi * random.uniform(0, 1, (3, WAVES)))

@@ -11,7 +11,7 @@ from ciir.models.cards import Tensor, read_card
 
 
 class StandIn:
-    """Repeats each pixel and moves it halfway to the mean luma of the window, so that a wrong view shows."""
+    """Repeats each pixel and moves it halfway to the mean luma of the window, so that a wrong view is noticed."""
 
     name, scale, radius, threads = catalogue.LIGHT_FIELD_DEFAULT, 2, 0, 1
     card = read_card(catalogue.SHIPPED / f"{name}.json")
@@ -24,7 +24,7 @@ class StandIn:
 
 
 def upscale_as_stand_in(views, view):
-    """The picture that `StandIn` makes of `view` in views `(V, U, H, W, C)`, not rounded."""
+    """Computes the picture that `StandIn` makes of `view` in views `(V, U, H, W, C)`, not rounded."""
     weights = [0.299, 0.587, 0.114] if views.shape[4] == 3 else [1.0]
     top, left = (max(0, min(at - 2, count - 5)) for at, count in zip(view, views.shape[:2], strict=True))
     window = views[top : top + 5, left : left + 5].reshape(-1, *views.shape[2:]) @ weights
@@ -33,7 +33,7 @@ def upscale_as_stand_in(views, view):
 
 
 def install_stand_in(monkeypatch):
-    """Makes a `StandIn` the catalogue's `field` network and returns it; names are not replaced by their int8 twins."""
+    """Makes a `StandIn` the catalogue's `field` network and returns it. Names are not replaced by their int8 twins."""
     entries = [entry for entry in catalogue.list_entries() if entry.name != catalogue.LIGHT_FIELD_DEFAULT]
     (fast,) = (entry for entry in entries if entry.name == catalogue.DEFAULT)
     inputs = (

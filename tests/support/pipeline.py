@@ -1,4 +1,4 @@
-"""Jobs of the pipeline without files, and runs of it."""
+"""Makes jobs of the pipeline without files, and runs them."""
 
 import json
 
@@ -17,14 +17,14 @@ SMALL = {"lenses": (12, 10), "pixels": (3, 5), "backend": "raytrace"}
 
 
 def make_mesh_job(*, grid=(15, 15), wanted=None, name="vase", max_pixels=None, **options):
-    """A job for a shipped scene; `wanted`: views as (v, u), the centre view by default."""
+    """Makes a job for a shipped scene. `wanted`: views as (v, u), by default the centre view."""
     views = "center" if wanted is None else ";".join(f"{v},{u}" for v, u in wanted)
     asked = Options(**{"pixels": grid, "views": views} | options)
     return resolve_job("a.glb", load_scene(name), asked, max_views=10_000, max_pixels=max_pixels)
 
 
 def make_light_field_job(*, grid=(2, 9), is_transparent=False, is_ordered=False, **options):
-    """A job for black views of one pixel."""
+    """Makes a job for black views of one pixel."""
     views = np.zeros((*grid, 1, 1, 4 if is_transparent else 3), np.uint8)
     return resolve_job(
         "a.png", LightField(views, is_ordered=is_ordered), Options(**{"views": "0,0"} | options), max_views=10_000
@@ -32,7 +32,7 @@ def make_light_field_job(*, grid=(2, 9), is_transparent=False, is_ordered=False,
 
 
 class Recorder(MemoryWriter):
-    """Keeps pixels, how many views were announced, and the report."""
+    """Keeps the pixels, the announced contents, and the report."""
 
     begun = None
     report = None
@@ -45,7 +45,7 @@ class Recorder(MemoryWriter):
 
 
 def run(source, **options):
-    """The views as {(v, u): pixels}, and the report."""
+    """Runs a reconstruction and returns the views as {(v, u): pixels}, and the report."""
     writer = Recorder()
     report = reconstruct(source, Options(**options), writer)
     assert writer.report == report

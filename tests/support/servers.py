@@ -1,4 +1,4 @@
-"""`ciir` as a process of its own: a command that ends, a server, a worker."""
+"""Runs `ciir` as a separate process: a command that ends, a server, a worker."""
 
 from __future__ import annotations
 
@@ -37,16 +37,18 @@ class Server(NamedTuple):
 
 
 def run_python(*argv: object, **options: Any) -> subprocess.CompletedProcess[str]:
-    """Runs a new Python to its end; its output is text."""
+    """Runs a new Python process until it ends. Its output is text."""
     options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | options
     return subprocess.run([sys.executable, *map(str, argv)], check=False, text=True, **options)  # noqa: S603 - our own
 
 
 @contextmanager
 def run_ciir(log: Path, *arguments: str, setup: str = "", **environment: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Runs `ciir` in the background, its output in `log`, its jobs beside it unless `CIIR_FOLDER` is given.
+    """Runs `ciir` in the background, with its output in `log` and its jobs in the same folder unless `CIIR_FOLDER` is
+    given.
 
-    `setup`: what a shell runs first, such as `ulimit -n 256`. SIGTERM ends it, and its exit status must be 0.
+    `setup`: a shell command that is run first, such as `ulimit -n 256`. SIGTERM ends the process, and its exit status
+    must be 0.
     """
     environment = {"CIIR_FOLDER": str(log.with_name("service"))} | environment
     with log.open("wb") as output:
@@ -70,7 +72,7 @@ def run_ciir(log: Path, *arguments: str, setup: str = "", **environment: str) ->
 
 @contextmanager
 def run_server(log: Path, setup: str = "", **environment: str) -> Iterator[Server]:
-    """Runs `ciir serve` on a free port, as `run_ciir` does, and yields it once it is ready."""
+    """Runs `ciir serve` on a free port with `run_ciir`, and yields it once it is ready."""
     with run_ciir(log, "serve", "--port", "0", setup=setup, **environment) as process:
         deadline = time.monotonic() + START_SECONDS
         while (found := re.search(r"http://127\.0\.0\.1:\d+", log.read_text())) is None or not _is_ready(found[0]):
@@ -90,12 +92,12 @@ def _is_ready(url: str) -> bool:
 
 
 def find_workers(pid: int, module: str = MODULE) -> list[int]:
-    """The process ids of the worker processes of a server, or of those that run another `module`."""
+    """Finds the ids of a server's worker processes, or of those that run another `module`."""
     return [each for each in descendants(pid) if module.encode() in Path(f"/proc/{each}/cmdline").read_bytes()]
 
 
 class Line:
-    """A port of this machine whose connections go on to a server's, until `cut` ends them as the server's end would."""
+    """A port of this machine that forwards connections to a server, until `cut` ends them as a stopped server would."""
 
     def __init__(self, target: int) -> None:
         self.target = target
@@ -104,16 +106,16 @@ class Line:
         self.mend()
 
     def mend(self) -> None:
-        """Listens, at the port of before."""
+        """Listens on the same port as before."""
         listener = socket.create_server(("127.0.0.1", self.port))
         self.port = listener.getsockname()[1]
         self.sockets = [listener]
         threading.Thread(target=self._accept, args=(listener,), daemon=True).start()
 
     def cut(self) -> None:
-        """Closes all connections; new ones are refused."""
+        """Closes all connections. New ones are refused."""
         for each in self.sockets:
-            with suppress(OSError):  # its other end may be gone
+            with suppress(OSError):  # the other end may be closed already
                 each.shutdown(socket.SHUT_RDWR)
             each.close()
 

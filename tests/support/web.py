@@ -1,4 +1,4 @@
-"""The HTTP API in this process, with jobs done in its threads in place of worker processes."""
+"""The HTTP API in this process, with jobs run in its threads instead of worker processes."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class ThreadPool:
         self.start_error = ""
         self.runs = 0
         self.outcome = None
-        """Returned in place of doing the work, if it is set."""
+        """Returned instead of doing the work, if it is set."""
         self.before = lambda work, progress, cancelled: None
         """Called before each piece of work."""
 
@@ -65,9 +65,10 @@ class ThreadPool:
 
 @contextmanager
 def run_app(folder, **settings):
-    """A client of the application with `settings`; `client.pool` does its work.
+    """Yields a client of the application with `settings`; `client.pool` does its work.
 
-    Unlike a real server it waits for a result for a minute: on a busy machine, drawing's start alone may take 10 s.
+    Unlike a real server it waits a minute for a result, because on a busy machine the start of rendering alone may take
+    10 s.
     """
     found = Settings(folder=folder, **{"sync_seconds": 60.0, **settings})
     pool = ThreadPool(found)
@@ -93,7 +94,7 @@ class ServerThread:
 
 @contextmanager
 def serve_app(folder, **settings):
-    """The application with `settings` on a port of this machine, in a thread of this process."""
+    """Serves the application with `settings` on a port of this machine, in a thread of this process."""
     found = Settings(folder=folder, **settings)
     with socket.create_server(("127.0.0.1", 0)) as listener:
         server = ServerThread(ThreadPool(found), found, listener)
@@ -107,7 +108,7 @@ def serve_app(folder, **settings):
 
 
 def check_problem(response, status, *parts):
-    """Checks that `response` is a problem of that status whose `detail` has `parts`; returns `detail`."""
+    """Checks that `response` is a problem with this status whose `detail` contains `parts`. Returns `detail`."""
     assert response.status_code == status, response.text
     assert response.headers["content-type"] == "application/problem+json"
     body = response.json()
@@ -123,5 +124,5 @@ def check_problem(response, status, *parts):
 
 
 def post_file(client, name="eia.png", data=b"", headers=None, **fields):
-    """The response to a reconstruction of one file, with the form's `fields`."""
+    """Posts one file for reconstruction with the form's `fields`, and returns the response."""
     return client.post(POST, files={"file": (name, data)}, data=fields, headers=headers)

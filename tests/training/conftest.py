@@ -1,4 +1,4 @@
-"""A recipe that trains in a second, on pictures made by code."""
+"""A recipe that trains in a second on generated pictures."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def picture(seed: int, height: int, width: int) -> np.ndarray:
-    """Smooth 8-bit RGB, `(height, width, 3)`."""
+    """Makes a smooth 8-bit RGB picture, `(height, width, 3)`."""
     phase = np.random.default_rng(seed).random((3, 3)) * 6
     y, x = np.mgrid[:height, :width]
     waves = [np.sin(y / 5 + a) + np.sin(x / 7 + b) + np.sin((x + y) / 4 + c) for a, b, c in phase]
@@ -24,7 +24,7 @@ def picture(seed: int, height: int, width: int) -> np.ndarray:
 
 @pytest.fixture(scope="session")
 def recipe(tmp_path_factory: pytest.TempPathFactory) -> Recipe:
-    """Three steps of a network of one block, validated after each second step."""
+    """Makes a recipe with three steps of a network of one block, validated after every second step."""
     folder: Path = tmp_path_factory.mktemp("pictures")
     (folder / "train").mkdir()
     (folder / "pairs").mkdir()

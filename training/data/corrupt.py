@@ -1,4 +1,4 @@
-"""Corruption of low-resolution pictures as by cameras and files: blur, then noise, then JPEG."""
+"""Corruption of low-resolution pictures as in cameras and files: blur, then noise, then JPEG."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Corruption:
-    """Upper limits of corruption; each picture draws its own. Raises `ValueError` where one is out of range."""
+    """Upper limits of corruption; each picture draws its own. Raises `ValueError` if one is out of range."""
 
     noise: float = 0.0
     """Largest standard deviation of Gaussian noise, in 8-bit levels, independent for each pixel and channel."""
     blur: float = 0.0
     """Largest standard deviation of a Gaussian blur, in pixels."""
     jpeg: int = 0
-    """Lowest JPEG quality, 1 to 100 (libjpeg's scale; chroma at half size, as most files have it); 0: no JPEG."""
+    """Lowest JPEG quality, 1 to 100 (libjpeg's scale, with chroma at half size as in most files); 0 for no JPEG."""
 
     def __post_init__(self) -> None:
         for name, value, most in (("noise", self.noise, 255.0), ("blur", self.blur, 20.0), ("jpeg", self.jpeg, 100)):
@@ -37,13 +37,13 @@ class Corruption:
 
     @property
     def margin(self) -> int:
-        """How many pixels around a crop its blur depends on."""
+        """The number of pixels on each side of a crop that its blur depends on."""
         return _radius(self.blur)
 
     def __call__(
         self, picture: NDArray[np.uint8], rows: slice, cols: slice, random: np.random.Generator
     ) -> NDArray[np.uint8]:
-        """Returns these rows and columns of `(H, W, 3)`, corrupted; pixels around them take part in the blur."""
+        """Returns these rows and columns of `(H, W, 3)`, corrupted. The surrounding pixels contribute to the blur."""
         values = picture.astype(np.float64)
         if self.blur:
             values = blur_picture(values, random.uniform(0, self.blur))
@@ -55,7 +55,7 @@ class Corruption:
 
 
 def blur_picture(picture: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
-    """Blurs `(H, W, C)` by a Gaussian of standard deviation `sigma` pixels, cut off at 3 sigma; edges are repeated."""
+    """Blurs `(H, W, C)` with a Gaussian of standard deviation `sigma` pixels, cut off at 3 sigma. It repeats edges."""
     blurred: NDArray[np.float64] = ndimage.gaussian_filter(
         picture, sigma, mode="nearest", radius=_radius(sigma), axes=(0, 1)
     )
@@ -63,13 +63,13 @@ def blur_picture(picture: NDArray[np.float64], sigma: float) -> NDArray[np.float
 
 
 def compress_jpeg(picture: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
-    """Encodes and decodes a picture as by `encode_jpeg`."""
+    """Encodes a picture with `encode_jpeg` and decodes it again."""
     with JpegImageFile(io.BytesIO(encode_jpeg(picture, quality))) as image:
         return np.array(image)
 
 
 def encode_jpeg(picture: NDArray[np.uint8], quality: int) -> bytes:
-    """8-bit RGB `(H, W, 3)`, or grey `(H, W)`, as a JPEG of this quality, 1 to 100, with 4:2:0 chroma."""
+    """Encodes 8-bit RGB `(H, W, 3)`, or grey `(H, W)`, as a JPEG of this quality, 1 to 100, with 4:2:0 chroma."""
     file = io.BytesIO()
     Image.fromarray(picture).save(file, "JPEG", quality=quality, subsampling="4:2:0")
     return file.getvalue()

@@ -24,17 +24,17 @@ if TYPE_CHECKING:
 
 CPU = torch.device("cpu")
 LABELLED = "labelled"
-"""Bicubic LR with what a stronger network makes of it as the truth: see `labels`."""
+"""Bicubic LR, with a stronger network's output for it as the truth: see `labels`."""
 RENDERED = ("pinhole", "lenslet")
 """Views of random scenes and of meshes by each kind of array: see `rendered` and `mesh_views`."""
 BICUBIC_VIEW = "bicubic-view"
-"""The truth of rendered views, downscaled as a photograph, so that drawings are not treated as views of a lens
+"""The truth of rendered views, downscaled like a photograph, so that drawings are not treated as views of a lens
 array."""
 
 
 @dataclass(frozen=True)
 class Photograph:
-    """A picture of a folder, degraded on demand."""
+    """A picture from a folder, degraded on demand."""
 
     among: Pictures
     index: int
@@ -54,7 +54,7 @@ class Photograph:
         return downscale.downscale_picture(self.kind, self.among[self.index], self.scale)
 
     def crop(self, rows: slice, cols: slice) -> downscale.Pair:
-        """Returns these LR rows and columns and their HR as in the degraded whole picture."""
+        """Returns these LR rows and columns and their HR, with the same pixels as in the degraded whole picture."""
         return downscale.downscale_crop(self.kind, self.among[self.index], self.scale, rows, cols)
 
 
@@ -80,8 +80,8 @@ Pair = Photograph | Rendered
 class Crops:
     """Random aligned LR and HR crops with flips and rotations, from 8-bit pictures.
 
-    The batch of step `s` depends only on the seed and `s`. LR is cropped, on the sample grid, from whole pictures
-    degraded by the published protocol; blur, noise and JPEG (`training.data.corrupt`) then act on LR only.
+    The batch of step `s` depends only on the seed and `s`. LR is cropped on the sample grid from whole pictures that
+    are degraded by the published protocol. Blur, noise and JPEG (`training.data.corrupt`) then act on LR only.
     """
 
     def __init__(
@@ -105,14 +105,14 @@ class Crops:
     ) -> None:
         """`folder`: see `training.data.pictures.find_pictures`; pictures smaller than the crop are skipped.
 
-        `crop`: HR side in pixels, a multiple of `scale`. `degradations`: kind -> weight, of
-        `training.data.downscale.KINDS` and, with `scenes` random scenes or `meshes` (files), of `RENDERED` and
-        `BICUBIC_VIEW`; with `labelled`, a folder (`training.data.labels`), of `LABELLED`. `noise`, `blur`, `jpeg`,
-        `corrupted`: see `training.recipe`. `memory`: bytes of decoded pictures that are kept; it changes the speed
-        only. `device`: where batches are made, of the same crops: on a GPU from its own copy of all pairs, but for the
-        LR that is corrupted, which the CPU makes.
+        `crop`: HR side in pixels, a multiple of `scale`. `degradations`: kind -> weight. Kinds are those of
+        `training.data.downscale.KINDS`; with `scenes`, a number of random scenes, or `meshes`, files, also `RENDERED`
+        and `BICUBIC_VIEW`; and with `labelled`, a folder (`training.data.labels`), also `LABELLED`. `noise`, `blur`,
+        `jpeg`, `corrupted`: see `training.recipe`. `memory`: bytes of decoded pictures that are kept, which affects
+        only the speed. `device`: the device on which batches are made. The crops are the same on all of them. A GPU
+        cuts them from its own copy of all pairs, except corrupted LR, which the CPU makes.
 
-        Raises `ValueError` where one of these or the folder is wrong.
+        Raises `ValueError` if one of these or the folder is wrong.
         """
         known: tuple[str, ...] = downscale.KINDS
         if scenes or meshes:
@@ -153,7 +153,7 @@ class Crops:
         return PairStack(self._sizes, lambda index: pairs[index].whole, side=side, scale=self.scale, device=device)
 
     def make_batch(self, step: int) -> tuple[Tensor, Tensor]:
-        """LR `(batch, 3, crop/scale, crop/scale)` and HR `(batch, 3, crop, crop)`, float in [0, 1], on `device`."""
+        """Makes LR `(batch, 3, crop/scale, crop/scale)` and HR `(batch, 3, crop, crop)` on `device`, in [0, 1]."""
         places = self._draw_places(step)
         corrupted = self._corrupt_crops(places, step)
         if self._stack is not None:
@@ -185,7 +185,7 @@ class Crops:
         return self._pairs[pair].crop(slice(y, y + side), slice(x, x + side))
 
     def _corrupt_crops(self, places: Places, step: int) -> dict[int, downscale.Pair]:
-        """Returns those crops of a batch whose LR is corrupted, by their index in it."""
+        """Returns the crops of a batch whose LR is corrupted, by their index in the batch."""
         random = np.random.default_rng((self.seed, step, 1))  # separate, so that corruption does not change the crops
         chosen = np.flatnonzero(random.random(self.batch) < self.corrupted).tolist() if self.corruption else []
         return {
@@ -205,7 +205,7 @@ class Crops:
 
 
 def check_degradations(crop: int, scale: int, degradations: Mapping[str, float], known: Sequence[str]) -> None:
-    """Raises `ValueError` for impossible arguments; `known`: the kinds that there is data for."""
+    """Raises `ValueError` for impossible arguments. `known`: the kinds that there is data for."""
     rendered = set(RENDERED) <= set(known)
     if crop < scale or crop % scale:
         raise ValueError(f"a crop of {crop} pixels is not a multiple of the scale {scale}")
@@ -224,12 +224,12 @@ def check_degradations(crop: int, scale: int, degradations: Mapping[str, float],
 
 
 def check_labelled(degradations: Mapping[str, float], scale: int) -> None:
-    """Raises `ValueError` where labelled pairs have no share, or `scale` is not theirs."""
+    """Raises `ValueError` if labelled pairs have no share, or their scale is not `scale`."""
     if LABELLED not in degradations:
         raise ValueError(f"degradations: labelled pictures are of no use without {LABELLED}; add a share")
     if scale != labels.SCALE:
         raise ValueError(
-            f"scale is {scale}, and labelled pictures are {labels.SCALE} times as large as their LR; give that scale, "
+            f"scale is {scale}, but labelled pictures are {labels.SCALE} times as large as their LR; give that scale, "
             "or no labelled pictures"
         )
 

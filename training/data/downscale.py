@@ -1,7 +1,7 @@
 """Low-resolution versions of pictures, and crops of them, with exact phase.
 
-LR sample i lies between HR samples 2i and 2i+1 (area resampling, `align_corners=False`): the geometry of a lens array
-whose pitch is twice as wide over the same extent. Half a pixel of error here costs 2 to 4 dB.
+LR sample i lies between HR samples 2i and 2i+1 (area resampling, `align_corners=False`), as with a lens array whose
+pitch is twice as wide over the same extent. An error of half a pixel here costs 2 to 4 dB.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 KINDS = ("bicubic", "box", "point")
 """Degradations of a photograph: MATLAB's `imresize`, the mean of each cell, the middle of each cell."""
 MARGINS = {"bicubic": 2, "box": 0, "point": 0}
-"""How many LR samples around a crop its LR depends on: the bicubic kernel ends 2 LR samples away."""
+"""Number of LR samples on each side of a crop that its LR depends on. The bicubic kernel ends 2 LR samples away."""
 
 
 class Pair(NamedTuple):
@@ -30,15 +30,15 @@ class Pair(NamedTuple):
 
 
 def cell_size(kind: str, scale: int) -> int:
-    """How many pixels of a photograph an LR sample covers along each side.
+    """Returns how many pixels of a photograph an LR sample covers along each side.
 
-    A point must be smaller than a pixel of the truth: so for `point` the HR picture is the photograph at half its size.
+    A point must be smaller than a pixel of the truth, so for `point` the HR picture is the photograph at half its size.
     """
     return 2 * scale if kind == "point" else scale
 
 
 def check_kind(kind: str, height: int, width: int, scale: int) -> None:
-    """Raises `ValueError` where `kind` is not one of `KINDS`, or the photograph is smaller than a cell."""
+    """Raises `ValueError` if `kind` is not one of `KINDS`, or the photograph is smaller than a cell."""
     if kind not in KINDS:
         raise ValueError(f"degradation: no {kind!r} here; give one of {', '.join(KINDS)}")
     covered = cell_size(kind, scale)
@@ -60,7 +60,7 @@ def downscale_picture(kind: str, photograph: Picture, scale: int) -> Pair:
 
 
 def downscale_crop(kind: str, photograph: Picture, scale: int, rows: slice, cols: slice) -> Pair:
-    """Crops LR and HR as `downscale_picture` makes them, bit for bit, and computes only what the crop needs."""
+    """Makes crops of the LR and HR that `downscale_picture` makes, bit for bit, but computes only the needed part."""
     margin, covered = MARGINS[kind], cell_size(kind, scale)
     height, width = (side // covered for side in photograph.shape[:2])
     top, left = max(0, rows.start - margin), max(0, cols.start - margin)
@@ -71,15 +71,15 @@ def downscale_crop(kind: str, photograph: Picture, scale: int, rows: slice, cols
 
 
 def crop_pair(pair: Pair, scale: int, rows: slice, cols: slice) -> Pair:
-    """Crops LR to these rows and columns, and HR to match."""
+    """Crops LR to these rows and columns, and HR to the same part."""
     tall, wide = slice(rows.start * scale, rows.stop * scale), slice(cols.start * scale, cols.stop * scale)
     return Pair(pair.low[rows, cols], pair.high[tall, wide])
 
 
 def _downscale_bicubic(picture: Picture, scale: int) -> Picture:
-    """Keys' cubic with a = -0.5, widened by `scale`; Pillow adds up in float64, and halves are rounded up.
+    """Downscales with Keys' cubic, a = -0.5, widened by `scale`. Pillow sums in float64, and halves are rounded up.
 
-    MATLAB mirrors the picture at its border where Pillow renormalises the kernel: the outermost 2 samples can differ.
+    At the border MATLAB mirrors the picture, while Pillow renormalises the kernel; the outermost 2 samples can differ.
     """
     size = (picture.shape[1] // scale, picture.shape[0] // scale)
     planes = [
@@ -99,14 +99,14 @@ def _average_cells(picture: Picture, scale: int) -> Picture:
 
 
 def _sample_cells(picture: Picture, scale: int) -> Picture:
-    """The mean of the four samples around the middle of each cell; `scale` is even."""
+    """Computes the mean of the four samples around the middle of each cell. `scale` is even."""
     cells, after = _split_cells(picture, scale), scale // 2
     upper, lower = (cells[:, row, :, after - 1] + cells[:, row, :, after] for row in (after - 1, after))
     return _to_bytes(np.divide(upper + lower, 4, dtype=np.float32))
 
 
 def _split_cells(picture: Picture, scale: int) -> NDArray[np.float32]:
-    """`(H, W, C)` -> `(H / scale, scale, W / scale, scale, C)` in [0, 1]."""
+    """Splits `(H, W, C)` into cells: `(H / scale, scale, W / scale, scale, C)` in [0, 1]."""
     height, width, channels = picture.shape
     values: NDArray[np.float32] = picture.astype(np.float32) / np.float32(255)
     return np.reshape(values, (height // scale, scale, width // scale, scale, channels))

@@ -1,4 +1,4 @@
-"""Collects training pictures from any folders: shrinks photographs, flattens transparency, cuts tiles.
+"""Collects training pictures from any folders: shrinks photographs, flattens transparency and cuts tiles.
 
     python -m ciir.training.data.gather FOLDER... -o PICTURES [--at-most 250] [--exclude ../shared/data/images/Set5 ...]
 
@@ -30,13 +30,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SIDE = 480
-"""Largest side of a tile, pixels: drawing tiles evenly then draws by area."""
+"""Largest side of a tile in pixels. With it, drawing tiles evenly means drawing by area."""
 LEAST = 160
-"""Smallest side of a picture, pixels: smaller ones hold no crop and are skipped."""
+"""Smallest side of a picture in pixels. Smaller pictures can't hold a crop and are skipped."""
 LOSSY, DRAWN = 2000, 800
-"""Longer side, pixels, to which lossy and lossless files are shrunk; lossy ones are at least halved."""
+"""The longer side in pixels to which lossy and lossless files are shrunk. Lossy ones are at least halved."""
 FLAT = 1.5
-"""Tiles whose mean difference between neighbours is lower, in levels, are dropped."""
+"""Tiles with a lower mean difference between neighbouring pixels, in levels, are dropped."""
 SAME = 0.97
 """Correlation of 16x16 thumbnails above which two pictures count as the same."""
 Place = tuple[Path, int, int]
@@ -47,7 +47,7 @@ PACKED = ".rcc"
 
 
 def find_pictures(folder: Path) -> Iterator[Place]:
-    """Yields file, first byte and number of bytes of each picture anywhere in `folder`, in the order of names."""
+    """Yields the file, first byte and number of bytes of each picture anywhere in `folder`, in the order of names."""
     for path in sorted(folder.rglob("*")):
         if path.is_symlink() or not path.is_file():
             continue
@@ -61,9 +61,9 @@ def find_pictures(folder: Path) -> Iterator[Place]:
 
 
 def load_picture(content: bytes) -> NDArray[np.uint8] | None:
-    """Decodes and shrinks a picture to 8-bit RGB `(H, W, 3)`; None where it is not a picture, or too small.
+    """Decodes and shrinks a picture to 8-bit RGB `(H, W, 3)`; None if it is not a picture or too small.
 
-    Transparent pixels get a plain background colour that depends on the content only.
+    Transparent pixels get a plain background colour that depends only on the content.
     """
     try:
         with Image.open(io.BytesIO(content)) as opened:
@@ -90,7 +90,7 @@ def cut_tiles(picture: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
 
 
 def make_thumbnail(picture: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """Returns 16x16 grey levels as a vector of mean 0 and length 1, to compare pictures."""
+    """Returns 16x16 grey levels as a vector of mean 0 and length 1, for comparing pictures."""
     small = Image.fromarray(picture).convert("L").resize((16, 16), Image.Resampling.BOX)
     levels = np.asarray(small, float).ravel()
     levels -= levels.mean()
@@ -111,10 +111,10 @@ def _load(place: Place) -> tuple[NDArray[np.uint8], NDArray[np.float64]] | None:
 
 
 def gather_pictures(folders: Sequence[Path], out: Path, *, at_most: int, exclude: Sequence[Path] = ()) -> int:
-    """Writes tiles of up to `at_most` different pictures of each folder as PNG into `out`; returns how many tiles.
+    """Writes tiles of up to `at_most` different pictures of each folder as PNG into `out`. Returns the number of tiles.
 
-    `exclude`: folders of test pictures; pictures that look like one of them are skipped. The selection depends only on
-    the files' contents and paths. Raises `ValueError` where a folder holds no picture or two have one name, and where
+    `exclude`: folders of test pictures. Pictures that look like one of them are skipped. The selection depends only on
+    the files' contents and paths. Raises `ValueError` if a folder holds no picture, two folders have the same name, or
     `at_most` is less than 1.
     """
     if at_most < 1:
@@ -152,7 +152,7 @@ def gather_pictures(folders: Sequence[Path], out: Path, *, at_most: int, exclude
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """The command line."""
+    """Runs the command line."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("folders", type=Path, nargs="+", metavar="FOLDER")
     parser.add_argument("-o", "--out", type=Path, required=True, help="folder for the tiles")

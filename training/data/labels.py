@@ -1,9 +1,9 @@
-"""Labels pictures with a stronger network: it upscales each picture's low-resolution version, and that is the truth.
+"""Labels pictures with a stronger network: its upscaling of each picture's low-resolution version becomes the truth.
 
     python -m ciir.training.data.labels PICTURES --network plainusr-l-x2.onnx -o LABELLED
 
-A small network learns more from what a large one makes of the same LR than from the true picture (distillation,
-Hinton et al. 2015). The folder is for a recipe's `labelled`.
+A small network learns more from a large one's output for the same LR than from the true picture (distillation, Hinton
+et al. 2015). The folder is for a recipe's `labelled`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 SCALE = 2
 LEAST = 16
-"""Smallest side of LR in pixels that is labelled."""
+"""Smallest side, in pixels, of LR that is labelled."""
 LOW, HIGH = "_LR.png", "_HR.png"
 """Suffixes of a pair's files."""
 
@@ -40,15 +40,16 @@ LOW, HIGH = "_LR.png", "_HR.png"
 def label_pictures(
     folder: Path, network: Path, out: Path, *, scales: Sequence[float] = (1.0,), threads: int | None = None
 ) -> int:
-    """Writes `NAME_LR.png`, bicubic at half size, and `NAME_HR.png`, what `network` makes of it; returns how many.
+    """Writes `NAME_LR.png`, bicubic at half size, and `NAME_HR.png`, the output of `network` for it. Returns the number
+    of pairs.
 
     `network`: an ONNX file that takes RGB `(1, 3, H, W)` in [0, 1] and returns `(1, 3, 2*H, 2*W)`. `scales`: sizes of
-    the pictures, up to 1, each of which makes a pair: `NAME` becomes `NAME-50` at half the size. `threads`: how many
-    pairs are made at once, each on a core. Pairs that are in `out` already are kept. Pictures smaller than `LEAST` at
-    half size are skipped.
+    the pictures, up to 1. Each makes a pair, and `NAME` becomes, for example, `NAME-50` at half the size. `threads`:
+    how many pairs are made at once, each on one core. Pairs that are already in `out` are kept. Pictures smaller than
+    `LEAST` at half size are skipped.
 
-    Raises `ValueError` as `find_pictures`, where two pictures differ only in the suffix, and where the network makes
-    another size.
+    Raises `ValueError` as `find_pictures` does, if two pictures differ only in the suffix, and if the network's output
+    has another size.
     """
     files = find_pictures(folder)
     stems = [file.stem for file in files]
@@ -71,7 +72,7 @@ def label_pictures(
 
 
 def _write_pair(session: InferenceSession, network: Path, picture: Picture, scale: float, stem: Path) -> bool:
-    """Writes the pair of a picture at one scale; returns whether there was one to write."""
+    """Writes the pair of a picture at one scale. Returns whether there was one to write."""
     name = stem.name if scale == 1 else f"{stem.name}-{100 * scale:.0f}"
     low_path, high_path = (stem.with_name(f"{name}{suffix}") for suffix in (LOW, HIGH))
     size = [round(scale * side) for side in picture.shape[:2]]
@@ -83,10 +84,10 @@ def _write_pair(session: InferenceSession, network: Path, picture: Picture, scal
     planes = convert_to_input(low)
     made = session.run(None, {session.get_inputs()[0].name: planes})[0]
     if made.shape != (1, 3, SCALE * low.shape[0], SCALE * low.shape[1]):
-        raise ValueError(f"{network}: makes {made.shape} of {planes.shape}; name a network that upscales by {SCALE}")
+        raise ValueError(f"{network}: makes {made.shape} from {planes.shape}; name a network that upscales by {SCALE}")
     high = np.floor(np.clip(made[0].transpose(1, 2, 0), 0, 1) * 255 + 0.5).astype(np.uint8)
     Image.fromarray(low).save(low_path, compress_level=1)
-    Image.fromarray(high).save(high_path, compress_level=1)  # last: its presence says that the pair is whole
+    Image.fromarray(high).save(high_path, compress_level=1)  # last: its presence shows that the pair is complete
     return True
 
 
@@ -108,7 +109,7 @@ def _read_pair(file: Path) -> Pair:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """The command line."""
+    """Runs the command line."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("pictures", type=Path, help="folder of pictures")
     parser.add_argument("--network", type=Path, required=True, help="ONNX file of the stronger network, scale 2")

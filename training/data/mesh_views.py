@@ -1,6 +1,6 @@
-"""Views of meshes as training pairs: views as the service renders them and clean pictures at a finer pitch.
+"""Views of meshes as training pairs: views as the service renders them, and clean pictures at a finer pitch.
 
-A mesh is rotated at random, framed as in the service, scaled, and rendered for random pixels of 15x15 by arrays of
+A mesh is rotated at random, framed as in the service, scaled, and rendered for random pixels of 15x15, with arrays of
 24x24, 48x48 and 96x96 lenses. Views of the smaller arrays are joined into one picture, so that crops have equal sizes.
 """
 
@@ -34,20 +34,20 @@ if TYPE_CHECKING:
     from ciir.renderer.scene import Scene
 
 PICTURES = 24
-"""Pictures of each mesh: a third of them for each of `LENSES`."""
+"""Number of pictures of each mesh, a third of them for each of `LENSES`."""
 LENSES = (SIDE // 4, SIDE // 2, SIDE)
-"""Lenses along each side of the arrays."""
+"""Number of lenses along each side of the arrays."""
 PIXELS = 15
-"""Pixels along each side under a lens, as many as the service's default."""
+"""Number of pixels along each side under a lens, which is the service's default."""
 NEAREST = 2.5
 """Largest scale of an object relative to its framed size."""
 FARTHEST = 0.7
 MOVED = (0.4, 1.0)
-"""Pixels by which the farthest side of a light field moves from one view to the next."""
+"""Range of pixels by which the farthest side of a light field moves from one view to the next."""
 ASIDE = 0.2
 """Largest tangent of the direction of a view."""
 TILT = 0.6
-"""Largest angle of a mesh's own up direction to the vertical, radians."""
+"""Largest angle between a mesh's own up direction and the vertical, radians."""
 
 
 class MeshLightField(NamedTuple):
@@ -55,7 +55,7 @@ class MeshLightField(NamedTuple):
 
     `views` and `colours` have an entry for each kind of array: the luma of all views of a window `(25, h, w)`, and one
     of them in colour `(3, h, w)`. `high` is the truth of that one, `(3, 2*h, 2*w)`, and `own` its row and column.
-    `disparities` is the range between the nearest and the farthest side of what is in it.
+    `disparities` is the range between the nearest and the farthest side of its content.
     """
 
     views: dict[str, Tensor]
@@ -65,15 +65,15 @@ class MeshLightField(NamedTuple):
     disparities: Range
 
     def to(self, device: torch.device) -> MeshLightField:
-        """Returns the same on a device."""
+        """Returns a copy on a device."""
         views, colours = ({kind: of.to(device) for kind, of in each.items()} for each in (self.views, self.colours))
         return self._replace(views=views, colours=colours, high=self.high.to(device))
 
 
 def read_mesh(path: str | Path) -> Scene:
-    """Reads the mesh in the file, folder or zip at `path`, and the files it refers to; prints its notes.
+    """Reads the mesh in the file, folder or zip at `path` with the files that it refers to, and prints its notes.
 
-    Raises `ValueError` where there is none, or it can't be read.
+    Raises `ValueError` if there is no mesh, or it can't be read.
     """
     bundle = Bundle.from_path(Path(path))
     found = inputs.find_main(bundle)
@@ -97,7 +97,7 @@ def draw_rotation(random: np.random.Generator) -> NDArray[np.float64]:
 
 
 def _draw_shear(random: np.random.Generator) -> NDArray[np.float64]:
-    """Draws a 4x4 matrix that shows a scene as views from the side see it."""
+    """Draws a 4x4 matrix that shears a scene as if it were seen in views from the side."""
     matrix = np.eye(4)
     matrix[:2, 2] = random.uniform(-ASIDE, ASIDE, 2)
     return matrix
@@ -110,9 +110,9 @@ def _place_mesh(random: np.random.Generator, mesh: Scene, array: LensArray) -> S
 
 
 def render_pairs(mesh: Scene, *, seed: int, index: int, scale: int) -> tuple[Pair, Pair]:
-    """Renders picture number `index` of a mesh: (LR, truth) of a pinhole array and of a lenslet array.
+    """Renders picture number `index` of a mesh. Returns (LR, truth) for a pinhole array and for a lenslet array.
 
-    LR is `(96, 96, 3)`, 1, 4 or 16 views side by side; the truth is `scale` times as large.
+    LR is `(96, 96, 3)`, with 1, 4 or 16 views side by side. The truth is `scale` times as large.
     """
     random = np.random.default_rng((seed, index, 2))
     side = LENSES[index % len(LENSES)]
@@ -129,7 +129,7 @@ def render_window(
     mesh: Scene, *, seed: int, index: int, own: tuple[int, int] = (WINDOW_SIDE // 2, WINDOW_SIDE // 2)
 ) -> MeshLightField:
     """Renders light field number `index` of a mesh: 5x5 views of an array of 48x48 or 96x96 lenses, as close together
-    as the service renders them, and the truth of the one at row and column `own` of them.
+    as the service renders them, and the truth of the view at row and column `own`.
     """
     random = np.random.default_rng((seed, index, 3))
     side = LENSES[1 + index % 2]

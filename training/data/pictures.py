@@ -1,4 +1,4 @@
-"""Folders of training pictures as 8-bit RGB, of which only a part is kept in memory."""
+"""Folders of training pictures as 8-bit RGB, only some of which are kept in memory."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
 Picture = NDArray[np.uint8]
 """`(H, W, C)`, 8 bit."""
 MEMORY = 4 * 2**30
-"""Bytes of decoded pictures that are kept; the others are decoded on each access."""
+"""Most bytes of decoded pictures that are kept. Other pictures are decoded on each access."""
 VOC = ("JPEGImages", "VOC2012/JPEGImages", "VOCdevkit/VOC2012/JPEGImages")
-"""Where VOC2012's pictures are in its unpacked archive and in the folders above."""
+"""Places of VOC2012's pictures within its folder, and within the folders above it in the unpacked archive."""
 
 
 def find_pictures(folder: Path) -> list[Path]:
-    """Lists the pictures in `folder`, or in VOC2012 where `folder` is or contains it, sorted by name.
+    """Lists the pictures in `folder`, or in VOC2012 if `folder` is or contains it, sorted by name.
 
-    Other files, hidden ones and folders are ignored. Raises `ValueError` where there is no folder, or no picture in it.
+    Other files, hidden ones and folders are ignored. Raises `ValueError` if there is no folder, or no picture in it.
     """
     if not folder.is_dir():
         raise ValueError(f"{folder}: no such folder; name a folder of pictures")
@@ -44,7 +44,7 @@ def find_pictures(folder: Path) -> list[Path]:
 
 
 def pair_files(files: Sequence[Path]) -> list[tuple[Path, Path]]:
-    """Lists each `*_LR.png` of `files` with its `*_HR.png`. Raises `ValueError` where that is missing."""
+    """Lists each `*_LR.png` of `files` with its `*_HR.png`. Raises `ValueError` if one of these is missing."""
     lows = [path for path in files if path.name.endswith("_LR.png")]
     pairs = [(low, low.with_name(low.name.replace("_LR.png", "_HR.png"))) for low in lows]
     for _, high in pairs:
@@ -57,9 +57,9 @@ def read_picture(path: Path, *, unused: int = 0) -> Picture:
     """Reads a picture as 8-bit `(H, W, 1)` grey or `(H, W, 3)` RGB, rotated by its orientation tag.
 
     16 bits are rounded to 8, palettes become RGB, and transparent pixels are blended with black. `unused`: how many of
-    the upper bits of 16 no picture of the set uses, as `count_unused` has it.
+    the upper bits of 16 no picture of the set uses, as returned by `count_unused`.
 
-    Raises `ValueError` where it can't be read: truncated, not a picture, or CMYK.
+    Raises `ValueError` if it can't be read, because it is truncated, not a picture, or CMYK.
     """
     return _convert(_decode(path), unused)
 
@@ -76,8 +76,8 @@ def _convert(pixels: NDArray[np.uint8] | NDArray[np.uint16], unused: int) -> Pic
 
 
 def count_unused(files: Iterable[Path]) -> int:
-    """How many of the upper bits of 16 none of these pictures uses, as of a camera of 10 or 12 bits (`ciir.bit_depth`);
-    8-bit pictures don't count. Raises `ValueError` as `read_picture`.
+    """Counts the upper bits of 16 that none of these pictures uses, as with a camera of 10 or 12 bits
+    (`ciir.bit_depth`). 8-bit pictures don't count. Raises `ValueError` as `read_picture` does.
     """
     unused: int | None = None
     for file in files:
@@ -95,7 +95,7 @@ def _decode(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
 
 
 def read_rgb(path: Path, *, unused: int = 0) -> Picture:
-    """Reads a picture as `read_picture`, with grey as three equal channels: `(H, W, 3)`."""
+    """Reads a picture like `read_picture`, with grey as three equal channels: `(H, W, 3)`."""
     return _repeat_grey(read_picture(path, unused=unused))
 
 
@@ -111,15 +111,15 @@ def convert_to_input(picture: Picture) -> NDArray[np.float32]:
 class Pictures:
     """A folder's pictures as 8-bit RGB `(H, W, 3)`, in the order of their names.
 
-    Each is decoded once at the start, to find errors early, and how many bits 16-bit ones use (`count_unused`). The
-    first ones are kept, up to `memory` bytes.
+    Each is decoded once at the start, to find errors early and to find how many bits the 16-bit ones use
+    (`count_unused`). The first ones are kept, up to `memory` bytes.
     """
 
     def __init__(self, folder: Path, *, memory: int = MEMORY) -> None:
         """Raises `ValueError` as `find_pictures` and `read_picture` do."""
         self.files = find_pictures(folder)
         self.sizes: list[tuple[int, int]] = []
-        """Height and width of each."""
+        """Height and width of each picture."""
         self._kept: list[Picture] = []
         left, unused = memory, []
         for path in tqdm(self.files, disable=None, desc="reading", unit="picture", leave=False):
@@ -132,18 +132,18 @@ class Pictures:
             if left >= 0:
                 self._kept.append(picture)
         self._unused = min(unused, default=0)
-        if self._unused:  # which all of them had to show first
+        if self._unused:  # this is known only after all of them are decoded
             self._kept = [read_rgb(path, unused=self._unused) for path in self.files[: len(self._kept)]]
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without the pictures that are kept: another process reads those that it needs."""
+        """Leaves out the pictures that are kept, because another process reads those that it needs."""
         return self.__dict__ | {"_kept": []}
 
     def __len__(self) -> int:
         return len(self.files)
 
     def __getitem__(self, index: int) -> Picture:
-        """Raises `ValueError` where the file has changed since the start."""
+        """Raises `ValueError` if the file has changed since the start."""
         if index < len(self._kept):
             return self._kept[index]
         picture = read_rgb(self.files[index], unused=self._unused)

@@ -1,7 +1,7 @@
 """Rendered views of random scenes as training pairs: views of a lens array and clean pictures at a finer pitch.
 
-Tilted and overlapping polygons, or solids (`solids`), textured or plain, are ray traced: LR is one ray for each lens
-(pinhole) or the mean over the lens (lenslet), and the truth of both is the area average over cells of `pitch / scale`.
+Tilted and overlapping polygons, or solids (`solids`), textured or plain, are ray traced. LR is one ray for each lens
+(pinhole) or the mean over the lens (lenslet). The truth of both is the area average over cells of `pitch / scale`.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ if TYPE_CHECKING:
     from ciir.training.data.pictures import Picture
 
 SIDE = 96
-"""Lenses along each side of the array, and so the LR picture's side."""
+"""Number of lenses along each side of the array, which is also the LR picture's side."""
 SAMPLES = 4
 SOLID = 0.6
 """Share of scenes of solids; the others are of polygons."""
 SCENES_PER_PROCESS = 8
-"""Scenes for which a process is started: they take a few times as long as its start."""
+"""Number of scenes for which a process is started. They take a few times as long as its start."""
 PLAIN = 0.35
 """Share of polygons without a texture."""
 
 
 def make_polygon(random: np.random.Generator, pictures: SupportsLenAndGetItem[Picture]) -> Part:
-    """Makes a flat polygon of 3 to 24 corners in front of the array, thin or round, turned and tilted at random."""
+    """Makes a flat polygon of 3 to 24 corners in front of the array, thin or round, rotated and tilted at random."""
     corners = int(random.choice([3, 4, 4, 5, 7, 24]))
     angle = np.sort(random.uniform(0, 2 * np.pi, corners)) if corners < 24 else np.linspace(0, 2 * np.pi, 25)[:-1]
     size = SIDE * np.exp(random.uniform(np.log(0.05), np.log(0.9)))
@@ -72,9 +72,9 @@ def draw_parts(random: np.random.Generator, pictures: SupportsLenAndGetItem[Pict
 def render_pairs(
     pictures: SupportsLenAndGetItem[Picture], *, seed: int, index: int, scale: int = 2
 ) -> tuple[Pair, Pair]:
-    """Renders scene number `index`: (LR, truth) of a pinhole array and of a lenslet array.
+    """Renders scene number `index`. Returns (LR, truth) for a pinhole array and for a lenslet array.
 
-    `pictures`: 8-bit RGB `(H, W, 3)`, textures to choose from. LR is `(96, 96, 3)`, the truth `scale` times as large.
+    `pictures`: textures to choose from, 8-bit RGB `(H, W, 3)`. LR is `(96, 96, 3)`, the truth `scale` times as large.
     """
     random = np.random.default_rng((seed, index))
     scene = Scene(tuple(draw_parts(random, pictures)))
@@ -87,22 +87,22 @@ def render_pairs(
 def render_scenes(
     pictures: SupportsLenAndGetItem[Picture], count: int, *, seed: int, scale: int = 2
 ) -> Iterator[tuple[Pair, Pair]]:
-    """Renders scenes 0 to `count` as `render_pairs`, by as many processes as there are cores, in order.
+    """Renders scenes 0 to `count` like `render_pairs`, in order, in as many processes as there are cores.
 
-    `pictures` is sent to each of them: `training.data.pictures.Pictures` without what is decoded.
+    `pictures` is sent to each of them; `training.data.pictures.Pictures` is sent without its decoded pictures.
     """
     render = partial(_render_scene, pictures, seed, scale)
     processes = min(cores.count_available_cores(), count // SCENES_PER_PROCESS)
     if processes < 2:
         yield from map(render, range(count))
         return
-    # Not forked: this process may have threads, and use a GPU.
+    # Not forked, because this process may have threads and use a GPU.
     with ProcessPoolExecutor(processes, get_context("spawn"), initializer=start_process) as pool:
         yield from pool.map(render, range(count), chunksize=2)
 
 
 def start_process() -> None:
-    """Leaves Ctrl-C to the process that waits for this one, and the other cores to the others."""
+    """Makes this process ignore Ctrl-C, which its parent handles, and leave the other cores to other processes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     cores.most_cores = 1
 
@@ -114,9 +114,10 @@ def _render_scene(pictures: SupportsLenAndGetItem[Picture], seed: int, scale: in
 def render_views(
     scene: Scene, array: LensArray, views: list[View], *, background: tuple[int, int, int], scale: int
 ) -> list[tuple[Picture, Picture, Picture]]:
-    """Each of `views` of a scene in front of `array`: by pinholes and by lenslets `(rows, cols, 3)`, and their truth.
+    """Renders each of `views` of a scene in front of `array`: with pinholes and with lenslets, `(rows, cols, 3)`, and
+    their truth.
 
-    The truth, `(scale*rows, scale*cols, 3)`, is what lenslets of `pitch / scale` see.
+    The truth, `(scale*rows, scale*cols, 3)`, is the view of lenslets of `pitch / scale`.
     """
     backend = RaytraceBackend()
     by = ((array, 1), (array, SAMPLES), (array.refine(scale), SAMPLES))
@@ -125,5 +126,5 @@ def render_views(
 
 
 def _drop_alpha(view: NDArray[np.uint8]) -> Picture:
-    """RGBA without A, the coverage."""
+    """Removes A, the coverage, from RGBA."""
     return np.ascontiguousarray(view[..., :3])

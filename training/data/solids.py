@@ -1,7 +1,7 @@
 """Random solids for training scenes: smooth or angular, plain or textured, some thin.
 
-They are lit as the renderer lights meshes. Untextured objects and thin parts that hide others are what photographs and
-layers of flat polygons lack.
+They are lit in the same way as the renderer lights meshes. They add untextured objects and thin parts that hide others,
+which photographs and layers of flat polygons lack.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ SHAPES: tuple[Callable[[], trimesh.Trimesh], ...] = (
 )
 """Functions that make shapes about as large as a cube of side 1."""
 BARS = 0.25
-"""Share of solids that are several thin parallel bars, as the legs of a chair."""
+"""Share of solids that are several thin parallel bars, like the legs of a chair."""
 PLAIN = 0.6
-"""Share of solids without a texture; half of those are grey."""
+"""Share of solids without a texture. Half of those are grey."""
 BUMPY = 0.4
 """Share of solids whose surface is bent by waves."""
 TEXELS = (0.4, 4.0)
-"""Texels for each lens pitch: from blurred to finer than a pinhole array can sample."""
+"""Range of texels for each lens pitch: from blurred to finer than a pinhole array can sample."""
 
 
 def make_solids(
     random: np.random.Generator, pictures: SupportsLenAndGetItem[Picture], *, extent: float, count: int
 ) -> list[Part]:
-    """Makes `count` solids in front of an array of `extent` lenses a side, pitch 1."""
+    """Makes `count` solids in front of an array with `extent` lenses along each side and pitch 1."""
     made = []
     for _ in range(count):
         size = extent * np.exp(random.uniform(np.log(0.2), np.log(1.1)))
@@ -77,7 +77,7 @@ def _make_bars(random: np.random.Generator) -> trimesh.Trimesh:
 
 
 def _draw_turn(random: np.random.Generator) -> NDArray[np.float64]:
-    """Draws a rotation evenly among all, `(3, 3)`."""
+    """Draws a uniformly distributed rotation, `(3, 3)`."""
     quaternion = random.standard_normal(4)
     return np.asarray(trimesh.transformations.quaternion_matrix(quaternion / np.linalg.norm(quaternion))[:3, :3])
 
@@ -102,8 +102,8 @@ def _paint(
 def draw_texture(
     random: np.random.Generator, pictures: SupportsLenAndGetItem[Picture], flat: NDArray[np.float64]
 ) -> tuple[NDArray[np.float32], Texture]:
-    """Draws a picture and its scale and place: returns the coordinates of vertices, which lie at `flat` `(n, 2)` lens
-    pitches, and the texture, mirrored beyond its edges.
+    """Draws a picture, its scale and its place. Returns the texture coordinates of vertices, which lie at `flat`
+    `(n, 2)` lens pitches, and the texture, which is mirrored beyond its edges.
     """
     picture = pictures[int(random.integers(len(pictures)))]
     texels = np.exp(random.uniform(*np.log(TEXELS)))
@@ -113,7 +113,7 @@ def draw_texture(
 
 
 def draw_background(random: np.random.Generator) -> tuple[int, int, int]:
-    """Draws the colour behind a scene: black, white, a grey or any colour."""
+    """Draws the background colour of a scene: black, white, a grey or any colour."""
     kind = random.random()
     if kind < 0.3:
         return (0, 0, 0)

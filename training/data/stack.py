@@ -1,6 +1,7 @@
 """Pairs of pictures in two buffers on a device, from which whole batches are cut there.
 
-A GPU takes more crops a second than a CPU can cut: a batch is two gathers on the device, with all flips and turns.
+A GPU takes more crops per second than a CPU can cut. Here a batch is two gathers on the device, including all flips and
+rotations.
 """
 
 from __future__ import annotations
@@ -22,28 +23,28 @@ if TYPE_CHECKING:
     from ciir.training.data.downscale import Pair
 
 ORIENTATIONS = 8
-"""Four turns, each with and without a flip."""
+"""Four rotations, each with and without a flip."""
 
 
 class Places(NamedTuple):
-    """Where the crops of a batch are: arrays with one number for each crop."""
+    """The places of a batch's crops: arrays with one number for each crop."""
 
     pair: NDArray[np.int64]
     y: NDArray[np.int64]
-    """Row of its first LR sample."""
+    """Row of the crop's first LR sample."""
     x: NDArray[np.int64]
     orientation: NDArray[np.int64]
     """0 to `ORIENTATIONS`, exclusive."""
 
 
 def orient(picture: NDArray[np.generic], orientation: int) -> NDArray[np.generic]:
-    """Turns `(H, W, ...)` by 90 degrees `orientation // 2` times, then flips it where `orientation` is odd."""
+    """Rotates `(H, W, ...)` by 90 degrees `orientation // 2` times, then flips it if `orientation` is odd."""
     turned = np.rot90(picture, orientation // 2)
     return turned[:, ::-1] if orientation % 2 else turned
 
 
 class PairStack:
-    """Pairs on a device, read-only."""
+    """Read-only pairs on a device."""
 
     def __init__(
         self,
@@ -54,8 +55,8 @@ class PairStack:
         scale: int,
         device: torch.device,
     ) -> None:
-        """`sizes`: `(n, 2)`, rows and columns of LR of each pair. `make_pair` is called once for each, by threads.
-        `side`: of an LR crop.
+        """`sizes`: the rows and columns of each pair's LR, `(n, 2)`. `make_pair` is called once for each pair, in
+        threads. `side`: the side of an LR crop.
         """
         self.scale = scale
         low, high = _Layout(sizes), _Layout(sizes * scale)
@@ -79,7 +80,7 @@ class PairStack:
 
 
 class _Layout:
-    """Where pictures lie in a buffer, one after the other."""
+    """The places of pictures in a buffer, one after the other."""
 
     def __init__(self, sizes: NDArray[np.int64]) -> None:
         ends = np.cumsum(sizes.prod(axis=1))
@@ -93,7 +94,7 @@ class _Buffer:
     def __init__(self, layout: _Layout, pixels: NDArray[np.uint8], side: int, device: torch.device) -> None:
         self._layout, self._pixels = layout, torch.from_numpy(pixels).to(device)  # (total, 3)
         grid = np.arange(side)
-        # Row and column in the picture of each pixel of a crop, (ORIENTATIONS, side, side).
+        # The row and column of each pixel of a crop, (ORIENTATIONS, side, side).
         self._rows, self._cols = (
             torch.from_numpy(np.stack([orient(place, orientation) for orientation in range(ORIENTATIONS)])).to(device)
             for place in np.meshgrid(grid, grid, indexing="ij")

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from ciir.renderer.views import View
 
 GRID = (5, 5)
-"""Views down and across in BasicLFSR's tables."""
+"""The number of views down and across in BasicLFSR's tables."""
 PROTOCOL = (
     "Mean over the views of the central 5x5 of PSNR (dB) and SSIM of Y (ITU-R BT.601, studio range, not rounded, of "
     "8-bit RGB; grey views are their own Y) after the output is rounded to 8 bits and a border of `scale` pixels is "
@@ -43,11 +43,11 @@ class Measured(NamedTuple):
 
     mean: Accuracy
     views: dict[View, tuple[float, float]]
-    """(v, u) in the grid -> Y-PSNR (dB, infinite where nothing differs) and SSIM."""
+    """(v, u) in the grid -> Y-PSNR (dB, infinite if nothing differs) and SSIM."""
 
 
 def describe_protocol(grid: tuple[int, int] = GRID) -> str:
-    """`PROTOCOL`, for the middle `grid` = (V, U) views."""
+    """Returns `PROTOCOL` for the middle `grid` = (V, U) views."""
     return PROTOCOL.replace("5x5", f"{grid[0]}x{grid[1]}")
 
 
@@ -60,17 +60,18 @@ def measure(
     layout: Layout | None = None,
     jpeg: int | None = None,
 ) -> Measured:
-    """Returns Y-PSNR (dB) and SSIM of the middle `grid` = (V, U) views of a light field, and their means.
+    """Measures Y-PSNR (dB) and SSIM of the middle `grid` = (V, U) views of a light field, and their means.
 
-    `path` and `layout` as for `training.data.light_field.views.read_views`. Each view is degraded by
-    `training.data.downscale.downscale_picture` and upscaled with only the views of the grid, as `ciir reconstruct` does
-    it: with a single-image fallback, in float, and restored as the sampling that is found asks for; by a single-picture
-    model view by view. Unlike BasicLFSR's, LR and output are 8-bit RGB or grey, and a border of `scale` pixels is cut.
+    `path` and `layout` are as for `training.data.light_field.views.read_views`. Each view is degraded by
+    `training.data.downscale.downscale_picture` and upscaled with only the views of the grid, as by `ciir reconstruct`:
+    with a single-image fallback, in float, and corrected for the sampling that is found. A single-picture model
+    upscales view by view. Unlike in BasicLFSR, LR and output are 8-bit RGB or grey, and a border of `scale` pixels is
+    cut.
 
-    `jpeg`: the low-resolution views are those of an elemental image array in a JPEG of this quality
+    `jpeg`: if given, the low-resolution views are those of an elemental image array in a JPEG of this quality
     (`training.data.light_field.views.compress_array`).
 
-    Raises `ValueError` where there is no full grid of views of one size, it is smaller than `grid`, or the views are
+    Raises `ValueError` if there is no full grid of views of one size, it is smaller than `grid`, or the views are
     too small to be scored or too few for a light-field network.
     """
     if isinstance(network, LightFieldNetwork) and min(grid) < MINIMUM_GRID:
@@ -107,9 +108,9 @@ def measure(
 def load_network(model: str, scale: int) -> Upscaler | LightFieldNetwork:
     """Loads a model by its name in the catalogue, or an exported network by the path of its card.
 
-    int8 is emulated where the processor doesn't support it.
+    int8 is emulated if the processor doesn't support it.
 
-    Raises `ciir.errors.ModelError` where there is no such model, or it doesn't upscale by `scale`.
+    Raises `ciir.errors.ModelError` if there is no such model, or it doesn't upscale by `scale`.
     """
     if model.endswith(".json"):
         path = Path(model)

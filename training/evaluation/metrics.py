@@ -1,7 +1,7 @@
 """PSNR and SSIM by the published protocol for super-resolution, computed by scikit-image.
 
-Both compare `(H, W)` arrays of levels from 0 to 255, usually luma, after a border is cut. scikit-image starts slowly,
-so it is imported where it is first used.
+Both compare `(H, W)` arrays of levels from 0 to 255, usually luma, after a border is cut. scikit-image is slow to
+import, so it is imported on first use.
 """
 
 from __future__ import annotations
@@ -16,28 +16,30 @@ Plane = NDArray[np.float64]
 
 PEAK = 255
 SSIM_RADIUS = 5
-"""Of SSIM's window of 11x11 pixels."""
+"""Radius of SSIM's window of 11x11 pixels."""
 
 Value = TypeVar("Value", bound=np.generic)
 
 
 def rgb_to_luma(picture: Pixels) -> Plane:
-    """Y of ITU-R BT.601, studio range, as MATLAB's `rgb2ycbcr`: `(H, W, 3)` 8-bit RGB -> `(H, W)` in [16, 235]."""
+    """Computes Y of ITU-R BT.601, studio range, as MATLAB's `rgb2ycbcr`: `(H, W, 3)` 8-bit RGB -> `(H, W)` in
+    [16, 235].
+    """
     weights = np.array([65.481, 128.553, 24.966]) / 255.0
     return np.asarray(16.0 + picture.astype(np.float64) @ weights)
 
 
 def convert_to_luma(picture: Pixels) -> Plane:
-    """Y as the published scripts compute it, of `(H, W, 3)` RGB, or of `(H, W, 1)` grey, which is its own Y with its
-    full range: the studio range would add 1.3 dB.
+    """Computes Y of `(H, W, 3)` RGB as the published scripts do. Grey, `(H, W, 1)`, is its own Y with its full range:
+    the studio range would add 1.3 dB.
     """
     return rgb_to_luma(picture) if picture.shape[2] == 3 else picture[..., 0].astype(np.float64)
 
 
 def compute_psnr(picture: Plane, truth: Plane, *, border: int) -> float:
-    """Peak signal-to-noise ratio in dB inside a border of `border` pixels; inf where both are equal.
+    """Computes the peak signal-to-noise ratio in dB inside a border of `border` pixels; inf if both are equal.
 
-    Raises `ValueError` where the sizes differ.
+    Raises `ValueError` if the sizes differ.
     """
     from skimage.metrics import peak_signal_noise_ratio
 
@@ -46,12 +48,12 @@ def compute_psnr(picture: Plane, truth: Plane, *, border: int) -> float:
 
 
 def compute_ssim(picture: Plane, truth: Plane, *, border: int) -> float:
-    """Mean structural similarity, at most 1, inside a border of `border` pixels.
+    """Computes the mean structural similarity, at most 1, inside a border of `border` pixels.
 
     Wang et al., IEEE Trans. Image Processing 13(4), 2004, equation 13, as their MATLAB `ssim_index` computes it: an
     11x11 Gaussian window of sigma 1.5 that stays inside the picture, K = (0.01, 0.03).
 
-    Raises `ValueError` where the sizes differ or are less than a window's.
+    Raises `ValueError` if the sizes differ or are smaller than a window.
     """
     picture, truth = _crop(picture, border), _crop(truth, border)
     if min(truth.shape) <= 2 * SSIM_RADIUS:
@@ -60,7 +62,7 @@ def compute_ssim(picture: Plane, truth: Plane, *, border: int) -> float:
 
 
 def compute_ssim_map(picture: Plane, truth: Plane) -> Plane:
-    """The similarity at each place of the window (see `compute_ssim`): two `(H, W)` arrays -> `(H-10, W-10)`."""
+    """Computes similarity at each place of the window (see `compute_ssim`): two `(H, W)` arrays -> `(H-10, W-10)`."""
     from skimage.metrics import structural_similarity
 
     _, similarity = structural_similarity(

@@ -1,4 +1,4 @@
-"""Accuracy on the public test sets by the published protocol, through `models` as a user runs it."""
+"""Accuracy on the public test sets by the published protocol, with `models` used as a user would."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PROTOCOL = (
 
 
 def describe_protocol(degradation: str = "") -> str:
-    """`PROTOCOL`, for pictures whose LR is made here where there is a `degradation`."""
+    """Returns `PROTOCOL`, changed for LR pictures that are made here if there is a `degradation`."""
     supplied = "MATLAB's bicubic imresize, as supplied by SelfExSR"
     return PROTOCOL.replace(supplied, f"{degradation}, to 8 bits") if degradation else PROTOCOL
 
@@ -40,12 +40,12 @@ def describe_protocol(degradation: str = "") -> str:
 def score(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accuracy:
     """Returns the mean Y-PSNR and SSIM over the pictures of `folder`, named after it. See `PROTOCOL`.
 
-    Without a `degradation`: over its `*_LR.png` and `*_HR.png` pairs. With `bicubic`, `box` or `point`: over its
-    `*_HR.png`, or else over all its pictures (see `training.data.pictures.find_pictures`), with LR made by
-    `training.data.downscale.downscale_picture`. 16-bit pictures are rounded to 8 bits, as if they used all 16
-    where none of the folder does.
+    Without a `degradation` the mean is over the folder's `*_LR.png` and `*_HR.png` pairs. With `bicubic`, `box` or
+    `point` it is over its `*_HR.png`, or if there are none over all its pictures (see
+    `training.data.pictures.find_pictures`), with LR made by `training.data.downscale.downscale_picture`. 16-bit
+    pictures are rounded to 8 bits. If none of the folder uses all 16 bits, they are scaled up first as if they did.
 
-    Raises `ValueError` where there is no pair or picture, one can't be read or is too small to be scored, or an HR
+    Raises `ValueError` if there is no pair or picture, one can't be read or is too small to be scored, or an HR
     picture is missing or not `scale` times as large as its LR.
     """
     psnrs, ssims = [], []
@@ -53,8 +53,8 @@ def score(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accurac
         picture = upscale_pixels(upscaler, low[np.newaxis])[0]
         if picture.shape != high.shape:
             raise ValueError(
-                f"{file}: {high.shape[0]}x{high.shape[1]} pixels, where {upscaler.name} makes "
-                f"{picture.shape[0]}x{picture.shape[1]} of its LR; name a folder of pairs at scale {upscaler.scale}"
+                f"{file}: {high.shape[0]}x{high.shape[1]} pixels, but {upscaler.name} makes "
+                f"{picture.shape[0]}x{picture.shape[1]} from its LR; name a folder of pairs at scale {upscaler.scale}"
             )
         got, truth = convert_to_luma(picture), convert_to_luma(high)
         psnrs.append(compute_psnr(got, truth, border=upscaler.scale))
@@ -68,16 +68,16 @@ def score(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accurac
 
 
 def evaluate(model: str, folder: Path, *, scale: int = 2, degradation: str = "") -> Accuracy:
-    """Scores a model that is named as for `load_model`. Raises as `load_model` and `score`."""
+    """Scores a model that is named as for `load_model`. Raises the errors of `load_model` and `score`."""
     return score(load_model(model, scale=scale), folder, degradation=degradation)
 
 
 def load_model(model: str, *, scale: int = 2) -> Upscaler:
     """Loads a model by its name in the catalogue, or an exported network by the path of its card.
 
-    int8 is emulated where the processor doesn't support it.
+    int8 is emulated if the processor doesn't support it.
 
-    Raises `ciir.errors.ModelError` where there is no such model, it doesn't upscale by `scale` or is for light fields.
+    Raises `ciir.errors.ModelError` if there is no such model, it doesn't upscale by `scale`, or it is for light fields.
     """
     if model.endswith(".json"):
         card = read_card(Path(model))
@@ -90,7 +90,7 @@ def load_model(model: str, *, scale: int = 2) -> Upscaler:
 
 
 def _read_pairs(folder: Path) -> Iterator[tuple[Path, Picture, Picture]]:
-    """Yields each HR file with the pixels of its LR file and of itself."""
+    """Yields each HR file with the pixels of its LR file and its own."""
     pairs = pictures.pair_files(sorted(folder.glob("*_LR.png")))
     if not pairs:
         raise ValueError(
@@ -102,7 +102,7 @@ def _read_pairs(folder: Path) -> Iterator[tuple[Path, Picture, Picture]]:
 
 
 def _degrade_pairs(folder: Path, kind: str, scale: int) -> Iterator[tuple[Path, Picture, Picture]]:
-    """Yields each HR file with the pixels of its LR, which is made here, and of HR, `(H, W, 1 or 3)`."""
+    """Yields each HR file with the pixels of its LR picture, which is made here, and of HR, `(H, W, 1 or 3)`."""
     files = pictures.find_pictures(folder)
     files = [file for file in files if file.name.endswith("_HR.png")] or files
     unused = pictures.count_unused(files)

@@ -22,15 +22,16 @@ if TYPE_CHECKING:
 
 
 BRANCHES = ("widen", "narrow", "point")
-"""Parameters of a `networks.collapsible.CollapsibleConv` whose products and sums are added to its plain kernel."""
+"""The parameters of a `networks.collapsible.CollapsibleConv` whose products and sums are added to its plain kernel."""
 
 
 def average_checkpoints(paths: Sequence[Path], out: Path) -> None:
-    """Writes a checkpoint with the mean of the networks of `paths`, convolution by convolution, with all branches of
-    each added up; everything else is from the first.
+    """Writes a checkpoint with the mean of the networks of `paths`.
 
-    Its recipe lists them under `averaged`: it can be exported and started from, but not resumed.
-    Raises `ValueError` where there are fewer than two, one is not a checkpoint, or their networks differ.
+    The mean is taken for each convolution, with all its branches added up. Everything else is from the first network.
+    The recipe lists the paths under `averaged`. The checkpoint can be exported and started from, but not resumed.
+
+    Raises `ValueError` if there are fewer than two paths, one is not a checkpoint, or their networks differ.
     """
     if len(paths) < 2:
         raise ValueError(f"{len(paths)} checkpoint given; give two or more")
@@ -39,11 +40,11 @@ def average_checkpoints(paths: Sequence[Path], out: Path) -> None:
     for path, state in zip(paths[1:], states[1:], strict=True):
         designs = [(of["recipe"]["network"], of["recipe"]["options"]) for of in (first, state)]
         if designs[0] != designs[1]:
-            raise ValueError(f"{path}: holds {designs[1]}, and {paths[0]} {designs[0]}; give runs of one network")
+            raise ValueError(f"{path}: holds {designs[1]}, but {paths[0]} holds {designs[0]}; give runs of one network")
     networks = [state["network"] for state in states]
     mean = {key: _mean([network[key] for network in networks]) for key in first["network"]}
     for name in [key.removesuffix("widen") for key in mean if key.endswith(".widen")]:
-        # Branches are products: the mean kernel goes beside the first network's branches.
+        # Branches are products, so the first network's branches are kept and the plain kernel makes up the difference.
         kernels, branches = zip(*(_split_kernel(network, name) for network in networks), strict=True)
         mean |= {name + key: networks[0][name + key] for key in BRANCHES}
         mean[name + "kernel"] = _mean([one + rest for one, rest in zip(kernels, branches, strict=True)]) - branches[0]
@@ -53,21 +54,23 @@ def average_checkpoints(paths: Sequence[Path], out: Path) -> None:
 
 
 def _split_kernel(network: dict[str, torch.Tensor], name: str) -> tuple[torch.Tensor, torch.Tensor]:
-    """The plain kernel of the `CollapsibleConv` of this name, and the sum of its other branches but the identity."""
+    """Returns the plain kernel of the `CollapsibleConv` of this name, and the sum of its other branches without the
+    identity.
+    """
     widen, narrow, point = (network[name + key] for key in BRANCHES)
     centre = functional.pad(point[..., None, None], (1, 1, 1, 1))
     return network[name + "kernel"], torch.einsum("ow,wiyx->oiyx", narrow, widen) + centre
 
 
 def _mean(tensors: Sequence[torch.Tensor]) -> torch.Tensor:
-    """The mean in the type of the first; integers (counts of a normalisation) are taken from the first."""
+    """Returns the mean in the type of the first; integers (counts of a normalisation) are taken from the first."""
     if not tensors[0].is_floating_point():
         return tensors[0]
     return torch.stack([tensor.double() for tensor in tensors]).mean(0).to(tensors[0].dtype)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """The command line."""
+    """Runs the command line."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("checkpoints", type=Path, nargs="+", metavar="CHECKPOINT")
     parser.add_argument("-o", "--out", type=Path, required=True, help="checkpoint to write")

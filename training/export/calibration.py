@@ -1,4 +1,4 @@
-"""Examples for the calibration of int8 networks: views with their truth."""
+"""Examples for the calibration of int8 networks: views and their truth."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ if TYPE_CHECKING:
 
 
 class Example(NamedTuple):
-    """The inputs of a network and the truth of its output."""
+    """The inputs of a network and the true output."""
 
     inputs: dict[str, NDArray[np.float32]]
-    """By name, one picture each: `(1, C, h, w)` in [0, 1], and what describes the window of a light field."""
+    """The inputs by name: one picture `(1, C, h, w)` in [0, 1], and for a light field the description of its window."""
     high: Picture
     """`(scale*h, scale*w, 3)`, 8 bit."""
 
 
 PICTURES = 36
-"""Largest number of pictures of each folder, taken evenly over their names."""
+"""Most pictures from each folder, evenly spaced in the order of their names."""
 SIDE = 128
-"""Longest side of an LR view of a picture: its middle."""
+"""Longest side of the LR view of a picture, which shows the picture's middle."""
 VIEWS = 3
-"""Views of each built-in scene, rotated, one for each size of array in `mesh_views.LENSES`."""
+"""Number of views of each built-in scene, rotated, one for each size of array in `mesh_views.LENSES`."""
 BATCHES, SCENES_PER_BATCH = 8, 4
-"""Batches of layered scenes with the pictures of a folder as textures, and how many scenes are in a batch."""
+"""Number of batches of layered scenes with the pictures of a folder as textures, and of scenes in a batch."""
 LIGHT_FIELDS = 2
-"""Light fields of each built-in scene: of an array of 48x48 lenses and of one of 96x96."""
+"""Number of light fields of each built-in scene: one of an array of 48x48 lenses and one of 96x96."""
 
 
 def make_picture_examples(folders: Sequence[Path], scale: int) -> list[Example]:
-    """Makes examples of each folder's pictures, degraded in turn by each of `downscale.KINDS`, and of built-in scenes.
+    """Makes examples from each folder's pictures, degraded in turn by each of `downscale.KINDS`, and built-in scenes.
 
-    Raises `ValueError` where a folder has no picture, or one can't be read or is smaller than one LR pixel.
+    Raises `ValueError` if a folder has no picture, or one can't be read or is smaller than one LR pixel.
     """
     found: list[Example] = []
     for folder in folders:
@@ -71,8 +71,8 @@ def make_picture_examples(folders: Sequence[Path], scale: int) -> list[Example]:
 
 
 def make_light_field_examples(folders: Sequence[Path], scale: int, planes: int) -> list[Example]:
-    """Makes examples for a light-field network of `planes`: layered scenes of each folder's pictures, as late in
-    training, some at the border of the grid, and views of built-in scenes.
+    """Makes examples for a light-field network of `planes`: layered scenes of each folder's pictures and views of
+    built-in scenes. The layered scenes are like those late in training, some at the border of the grid.
 
     Raises `ValueError` as `training.data.light_field.crops.LightFieldCrops` does.
     """
@@ -103,7 +103,7 @@ def _make_picture_example(low: Picture, high: Picture) -> Example:
 
 
 def _split_batch(inputs: Inputs, high: torch.Tensor) -> Iterator[Example]:
-    """Yields each light field of a batch. `high`: `(N, 3, scale*h, scale*w)` in [0, 1]."""
+    """Yields an example for each light field of a batch. `high`: `(N, 3, scale*h, scale*w)` in [0, 1]."""
     truths = high.mul(255).round().byte().permute(0, 2, 3, 1).numpy()
     for number, truth in enumerate(truths):
         one = slice(number, number + 1)
@@ -112,7 +112,7 @@ def _split_batch(inputs: Inputs, high: torch.Tensor) -> Iterator[Example]:
 
 
 def _make_mesh_examples(field: MeshLightField, planes: int) -> Iterator[Example]:
-    """Yields the light field of a mesh of each kind of array."""
+    """Yields an example for each kind of array from the light field of a mesh."""
     rows, cols = (select_axis(place, WINDOW_SIDE) for place in field.own)
     window = [torch.from_numpy(part.copy()) for part in describe_window(rows, cols, field.disparities, planes)]
     for kind, views in field.views.items():

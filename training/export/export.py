@@ -46,10 +46,10 @@ if TYPE_CHECKING:
 TOLERANCE = 1e-4
 """Largest absolute difference between torch and onnxruntime that is accepted."""
 SMALLEST = 1e-12
-"""Weights nearer to zero become zero: they change no 16-bit output, but they or products of two of them may be denormal
+"""Weights closer to zero become zero. They change no 16-bit output, but they or products of two of them may be denormal
 (under 1.2e-38), and a CPU multiplies denormals up to 100 times slower."""
 SHAPES = ((1, 3, 1, 1), (1, 3, 7, 5), (2, 3, 25, 25), (1, 3, 97, 131), (3, 3, 1, 40))
-"""Where the two are compared: `(N, C, H, W)`, made as large as the network needs."""
+"""Shapes at which the two are compared: `(N, C, H, W)`, enlarged to the sizes that the network takes."""
 FAILURES = (
     runtime.Fail,
     runtime.InvalidArgument,
@@ -58,19 +58,19 @@ FAILURES = (
     runtime.NotImplemented,
     runtime.RuntimeException,
 )
-"""What onnxruntime raises for networks that it can't open or run."""
+"""The errors that onnxruntime raises for networks that it can't open or run."""
 INT8 = "-int8"
-"""Suffix of the name of an int8 twin."""
+"""The suffix of the name of an int8 twin."""
 
 
 def export_network(checkpoint: Path, out: Path, *, name: str = "", accuracy_on: Sequence[Path] = ()) -> Path:
-    """Writes `NAME.onnx` and `NAME.json` into `out` and returns the card's path; NAME is `name` or the recipe's.
+    """Writes `NAME.onnx` and `NAME.json` into `out` and returns the card's path. NAME is `name` or the recipe's name.
 
-    `checkpoint`: of `training.loop.train.train`. `accuracy_on`: folders of `*_LR.png` and `*_HR.png` pairs, or for a
-    light-field network of views, whose scores (`training.evaluation.pictures`, `training.evaluation.light_fields`) go
-    on the card.
+    `checkpoint`: from `training.loop.train.train`. `accuracy_on`: folders of `*_LR.png` and `*_HR.png` pairs, or of
+    views for a light-field network. Their scores (`training.evaluation.pictures`, `training.evaluation.light_fields`)
+    go on the card.
 
-    Raises `ValueError` where the exported network differs from torch by more than `TOLERANCE`.
+    Raises `ValueError` if the exported network differs from torch by more than `TOLERANCE`.
     """
     weights, card = convert_checkpoint(checkpoint, name)
     return write_network(weights, card, out, accuracy_on=accuracy_on)
@@ -79,10 +79,10 @@ def export_network(checkpoint: Path, out: Path, *, name: str = "", accuracy_on: 
 def export_int8(
     checkpoint: Path, out: Path, *, calibrate: Sequence[Path], name: str = "", accuracy_on: Sequence[Path] = ()
 ) -> Path:
-    """Exports the network's int8 twin, `NAME-int8`, as `export_network`. `calibrate`: folders of pictures, see
+    """Exports the network's int8 twin, `NAME-int8`, like `export_network`. `calibrate`: folders of pictures, see
     `training.export.calibration`.
 
-    Raises `ValueError` as `export_network`, and where the pictures can't be used or int8 costs too much accuracy.
+    Raises `ValueError` as `export_network` does, and if the pictures can't be used or int8 costs too much accuracy.
     """
     from ciir.training.export import calibration, quantise
 
@@ -104,9 +104,10 @@ def export_int8(
 
 
 def convert_checkpoint(checkpoint: Path, name: str = "") -> tuple[bytes, cards.Card]:
-    """Converts a checkpoint's network to float ONNX and makes its card, without what `write_network` fills in.
+    """Converts a checkpoint's network to float ONNX and makes its card, without the values that `write_network` fills
+    in.
 
-    `name`: in place of the recipe's. Raises as `export_network`.
+    `name`: used instead of the recipe's. Raises the same errors as `export_network`.
     """
     state = checkpoints.read_checkpoint(checkpoint)
     recipe = state["recipe"]
@@ -131,7 +132,7 @@ def convert_checkpoint(checkpoint: Path, name: str = "") -> tuple[bytes, cards.C
 
 
 def check_name(name: str) -> None:
-    """Raises `ValueError` where `name` is not a valid file name."""
+    """Raises `ValueError` if `name` is not a valid file name."""
     if not re.fullmatch(r"[\w.+-]+", name):
         raise ValueError(f"name: {name!r}: give one of letters, digits, '.', '_', '+' and '-'")
 
@@ -146,7 +147,7 @@ def make_card(
     sizes: Sizes,
     training: cards.Training,
 ) -> cards.Card:
-    """Makes the card of a float network, with a hash of zeros and no accuracy."""
+    """Makes the card of a float network with a hash of zeros and without accuracy."""
     inputs = examples.list_inputs(network)
     return cards.Card(
         name=name,
@@ -170,9 +171,9 @@ def make_card(
 
 
 def write_network(weights: bytes, card: cards.Card, out: Path, *, accuracy_on: Sequence[Path] = ()) -> Path:
-    """Writes a network and its card, with hash and accuracy, into `out`; on errors neither is written.
+    """Writes a network and its card, with hash and accuracy, into `out`. If there is an error, neither is written.
 
-    Raises `ValueError` where a folder of `accuracy_on` can't be scored on, or this processor can't run the network.
+    Raises `ValueError` if a folder of `accuracy_on` can't be scored on, or this processor can't run the network.
     """
     card = dataclasses.replace(card, sha256=hashlib.sha256(weights).hexdigest(), command=_command(card, accuracy_on))
     out.mkdir(parents=True, exist_ok=True)
@@ -188,7 +189,7 @@ def write_network(weights: bytes, card: cards.Card, out: Path, *, accuracy_on: S
 
 
 def _command(card: cards.Card, folders: Sequence[Path]) -> str:
-    """The commands that print the scores of `_scores`, in order."""
+    """Returns the commands that print the scores of `_scores`, in order."""
     names = [folder.as_posix() for folder in folders]
     if not card.is_light_field:
         return " ".join(["ciir evaluate", card.name, *names])
@@ -197,7 +198,7 @@ def _command(card: cards.Card, folders: Sequence[Path]) -> str:
 
 
 def _scores(path: Path, folders: Sequence[Path]) -> tuple[cards.Accuracy, ...]:
-    """Scores of a network on each folder; of a light-field network, with each degradation."""
+    """Scores a network on each folder; a light-field network with each degradation."""
     if not cards.read_card(path).is_light_field:
         upscaler = SingleImageNetwork(path, emulates_int8=True)
         return tuple(pictures.score(upscaler, folder) for folder in folders)
@@ -217,7 +218,7 @@ def load_network(state: dict[str, Any]) -> nn.Module:
 @torch.no_grad()
 def simplify_network(network: nn.Module) -> nn.Module:
     """Folds branches, factors and batch normalisation, merges added convolutions of a light-field network, separates
-    interpolation, and sets weights under `SMALLEST` to zero.
+    interpolation, and sets weights closer to zero than `SMALLEST` to zero.
     """
     network = separate(collapse(fold_batch_norm(network)))
     if isinstance(network, LightFieldGenerator):
@@ -232,7 +233,7 @@ def simplify_network(network: nn.Module) -> nn.Module:
 def compare_with_torch(network: nn.Module, weights: bytes, sizes: Sizes = Sizes(minimum=1)) -> float:  # noqa: B008 - is frozen
     """Returns the largest difference between torch and onnxruntime over `SHAPES` and all windows, on noise in [0, 1].
 
-    Raises `ValueError` where it is more than `TOLERANCE`, or either fails at one of them.
+    Raises `ValueError` if it is more than `TOLERANCE`, or either fails at one of them.
     """
     session = open_session(weights, threads=count_available_cores())
     names = [tensor.name for tensor in examples.list_inputs(network)]
@@ -249,16 +250,18 @@ def compare_with_torch(network: nn.Module, weights: bytes, sizes: Sizes = Sizes(
             raise ValueError(f"the network can't be used at {shape}: its sizes aren't free ({reason})") from error
         for got, wanted in zip(made, wished, strict=True):
             if got.shape != wanted.shape:
-                raise ValueError(f"onnxruntime makes {got.shape} of {shape} where torch makes {wanted.shape}")
+                raise ValueError(f"onnxruntime makes {got.shape} from {shape}, but torch makes {wanted.shape}")
             difference = float(np.abs(got - wanted).max())
             if not difference <= TOLERANCE:
-                raise ValueError(f"onnxruntime differs from torch by {difference} at {shape}; {TOLERANCE} is the most")
+                raise ValueError(
+                    f"onnxruntime differs from torch by {difference} at {shape}; at most {TOLERANCE} is allowed"
+                )
             largest = max(largest, difference)
     return largest
 
 
 def _losses(recipe: dict[str, Any]) -> str:
-    """Names the losses of a network that was not trained for pixels only: PSNR then describes it badly."""
+    """Names the losses of a network that was not trained on pixels only, because PSNR then describes it badly."""
     if not recipe.get("adversarial"):
         return ""
     content = recipe.get("perceptual") or "none"

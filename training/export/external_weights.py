@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".pth", ".pt", ".ckpt", ".safetensors")
 UNUSED = ("InterpolationMode", "normalize", "rotate")
-"""Imports of spandrel from `torchvision.transforms.functional`, for LaMa (inpainting) and RestoreFormer (faces)."""
+"""Names that spandrel imports from `torchvision.transforms.functional`, for LaMa (inpainting) and RestoreFormer
+(faces)."""
 
 
 class ExternalNetwork(nn.Module):
@@ -39,14 +40,14 @@ class ExternalNetwork(nn.Module):
         self.scale = int(descriptor.scale)
 
     def forward(self, image: Tensor) -> Tensor:
-        """See the class. Of several outputs the first is the picture, as in MMRealSR."""
+        """See the class. If there are several outputs, the first is the picture, as in MMRealSR."""
         output = self.network(image)
         picture: Tensor = output[0] if isinstance(output, tuple) else output
         return picture
 
 
 def _fold_branches(network: nn.Module) -> nn.Module:
-    """Folds the branches of SPAN's Conv3XC once: it folds them in each call, which can't be traced."""
+    """Folds the branches of SPAN's Conv3XC once. By itself it folds them in each call, which can't be traced."""
     modules: Iterable[Any] = network.modules()
     for module in modules:
         if hasattr(module, "update_params") and hasattr(module, "eval_conv"):
@@ -57,15 +58,15 @@ def _fold_branches(network: nn.Module) -> nn.Module:
 
 
 def _do_nothing() -> None:
-    """Replaces the folding that has been done."""
+    """Takes the place of the folding, which has been done already."""
 
 
 def export_weights(weights: Path, out: Path, *, name: str = "", accuracy_on: Sequence[Path] = ()) -> Path:
-    """Writes `NAME.onnx` and `NAME.json` into `out` and returns the card's path; NAME is the file's stem if not given.
+    """Writes `NAME.onnx` and `NAME.json` into `out` and returns the card's path. NAME is the file's stem if not given.
 
-    `weights`: a file of `SUFFIXES`; nothing in it is executed. `accuracy_on`: as for `export.export`.
+    `weights`: a file with one of `SUFFIXES`; nothing in it is executed. `accuracy_on`: as for `export.export_network`.
 
-    Raises `ValueError` where the file can't be read, holds no network for upscaling RGB that spandrel knows, or the
+    Raises `ValueError` if the file can't be read, holds no network for upscaling RGB that spandrel knows, or the
     network can't be exported with free sizes or used in tiles.
     """
     name = name or weights.stem
@@ -92,7 +93,7 @@ def _describe_file(weights: Path) -> dict[str, Any]:
 
 
 def _load_descriptor(weights: Path) -> Any:
-    """spandrel's descriptor of the network in a file."""
+    """Loads spandrel's descriptor of the network in a file."""
     with without_torchvision():
         import spandrel
     try:
@@ -101,7 +102,7 @@ def _load_descriptor(weights: Path) -> Any:
         )
     except spandrel.UnsupportedModelError as error:
         raise ValueError(
-            f"{weights}: spandrel {spandrel.__version__} knows no network with such weights; give one of its list"
+            f"{weights}: spandrel {spandrel.__version__} knows no network with these weights; give one from its list"
         ) from error
     except (RuntimeError, KeyError, AssertionError) as error:
         reason = str(error).strip().partition("\n")[0]
@@ -116,7 +117,7 @@ def _load_descriptor(weights: Path) -> Any:
 
 
 def _read_weights(weights: Path) -> dict[str, Any]:
-    """Tensors by name, without unpickling anything else."""
+    """Reads the tensors by name, without unpickling anything else."""
     if weights.suffix.lower() not in SUFFIXES:
         raise ValueError(f"{weights}: not a file of weights; give one of {', '.join(SUFFIXES)}")
     try:
@@ -131,38 +132,38 @@ def _read_weights(weights: Path) -> dict[str, Any]:
         state = torch.load(weights, map_location="cpu", weights_only=True)
     except (RuntimeError, pickle.UnpicklingError, EOFError, ValueError, LookupError, TypeError) as error:
         raise ValueError(
-            f"{weights}: no weights that can be read without running code in it; give it as .safetensors, or a state "
-            "dict as torch.save writes it"
+            f"{weights}: holds no weights that can be read without running code; give it as .safetensors, or as a "
+            "state dict written by torch.save"
         ) from error
     if isinstance(state, dict) and state.keys() >= checkpoints.KEYS:
         raise ValueError(f"{weights}: a checkpoint of `ciir train`; give it without --weights")
     if not isinstance(state, dict) or not all(isinstance(key, str) for key in state):
         raise ValueError(
-            f"{weights}: holds a {type(state).__name__}, no tensors by name; give a state dict as torch.save writes it"
+            f"{weights}: holds a {type(state).__name__}, not tensors by name; give a state dict written by torch.save"
         )
     return state
 
 
 def _convert_sizes(rule: Any) -> Sizes:
-    """Converts spandrel's `SizeRequirements`; the least side is that of our own networks where it gives none."""
+    """Converts spandrel's `SizeRequirements`. The minimum is at least that of our own networks."""
     return Sizes(max(Sizes().minimum, rule.minimum), rule.multiple_of, rule.square)
 
 
 @torch.no_grad()
 def _check_call(network: ExternalNetwork, descriptor: Any, sizes: Sizes) -> None:
-    """Raises `ValueError` where spandrel's result differs from `network`'s: some models need further steps."""
+    """Raises `ValueError` if spandrel's result differs from `network`'s, because some models need further steps."""
     image = torch.rand(1, 3, *sizes.round_up(24, 24), generator=torch.Generator().manual_seed(0))
     difference = float((network(image).clamp(0, 1) - descriptor(image)).abs().max())
     if not difference <= export.TOLERANCE:
-        raise ValueError(f"{descriptor.architecture.name}: needs more than its network; it can't be exported")
+        raise ValueError(f"{descriptor.architecture.name}: needs steps besides its network; it can't be exported")
 
 
 @contextmanager
 def without_torchvision() -> Iterator[None]:
-    """Lets spandrel be imported without torchvision, within the block.
+    """Makes it possible to import spandrel without torchvision within the block.
 
-    The CPU build of torch often comes without it, and spandrel uses three of its functions for two networks that don't
-    upscale (see `UNUSED`). Functions that raise `ModuleNotFoundError` replace them within the block.
+    The CPU build of torch often comes without torchvision. spandrel uses three of its functions for two networks that
+    don't upscale (see `UNUSED`). Within the block they are replaced by functions that raise `ModuleNotFoundError`.
     """
     if "spandrel" in sys.modules or "torchvision" in sys.modules:
         yield

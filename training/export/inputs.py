@@ -1,4 +1,4 @@
-"""The inputs of a network's ONNX file, and examples of them to export, compare and measure it."""
+"""The inputs of a network's ONNX file, and examples of them for exporting, comparing and measuring it."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
 FREE = ("height", "width")
 IMAGE = cards.Tensor("image", ("batch", 3, *FREE), "float32", 0.0, 1.0)
 UNCERTAINTY = cards.Tensor("uncertainty", ("batch", 1, *FREE), "float32", 0.0, 1.0)
-"""Its output besides the picture: see `LightFieldGenerator.forward_with_uncertainty`."""
+"""A light-field network's output besides the picture; see `LightFieldGenerator.forward_with_uncertainty`."""
 EXAMPLE = Range(-1.0, 1.0)
-"""Disparities of examples."""
+"""The range of disparities of examples."""
 WINDOWS: tuple[WindowPosition, ...] = (((2, 5), (2, 5)), ((0, 5), (0, 5)), ((1, 3), (1, 3)), ((2, 3), (3, 5)))
-"""Windows for tests of such a network, as `(number, of how many)` views down and across: whole, at a corner, and in the
-middle and at the edge of the least grid."""
+"""Windows for tests of such a network, as `(position, count)` of views down and across: a whole one, one at a corner,
+and those in the middle and at the edge of the smallest grid."""
 
 
 def list_inputs(network: nn.Module) -> tuple[cards.Tensor, ...]:
-    """The inputs of the network's ONNX file, in order."""
+    """Lists the inputs of the network's ONNX file, in order."""
     if not isinstance(network, LightFieldGenerator):
         return (IMAGE,)
     filters = (network.planes, 3, WINDOW_SIDE, "taps")
@@ -42,19 +42,21 @@ def list_inputs(network: nn.Module) -> tuple[cards.Tensor, ...]:
 
 
 def list_outputs(network: nn.Module) -> tuple[cards.Tensor, ...]:
-    """The outputs of the network's ONNX file after the picture."""
+    """Lists the outputs of the network's ONNX file after the picture."""
     return (UNCERTAINTY,) if isinstance(network, LightFieldGenerator) else ()
 
 
 def list_windows(network: nn.Module) -> tuple[WindowPosition, ...]:
-    """Lists the windows to test a network on; one, which is ignored, for a single-picture network."""
+    """Lists the windows to test a network on. A single-picture network has one, which is ignored."""
     return WINDOWS if isinstance(network, LightFieldGenerator) else WINDOWS[:1]
 
 
 def make_examples(
     network: nn.Module, count: int, height: int, width: int, *, place: WindowPosition = WINDOWS[0]
 ) -> list[Tensor]:
-    """Noise in [0, 1] for each of `list_inputs`, the same in each call, of `count` pictures; `place`: the window's."""
+    """Makes noise in [0, 1] for each of `list_inputs`, for `count` pictures, the same in each call. `place`: the
+    window's position.
+    """
     random = torch.Generator().manual_seed(0)
     made = [torch.rand(count, 3, height, width, generator=random)]
     if isinstance(network, LightFieldGenerator):

@@ -22,18 +22,18 @@ if TYPE_CHECKING:
     from ciir.training.export.inputs import WindowPosition
 
 WIDEST = 120
-"""Largest radius, input pixels: tiles of 273x273 (`models.sessions.TILE_PIXELS`) then still have something to keep."""
+"""Largest radius, input pixels. Tiles of 273x273 (`models.sessions.TILE_PIXELS`) then still have a part to keep."""
 SMALL = 32
-"""Side of the picture whose multiply-adds are counted, pixels, padding included."""
+"""Side of the picture whose multiply-adds are counted, in pixels, including padding."""
 OVERLAPS = (8, 16, 24, 32, 48, 64, 96)
 SEAM = 0.5 / 255
-"""Largest invisible difference of a tile from the whole picture: half a level of 8 bits."""
+"""Largest invisible difference between a tile and the whole picture: half an 8-bit level."""
 KEPT = 32
-"""Side of the middle of a tile that is compared with the whole picture, pixels."""
+"""Side of the middle part of a tile that is compared with the whole picture, in pixels."""
 
 
 def count_parameters(network: nn.Module) -> int:
-    """Counts the learnt parameters, without constants stored as weights, such as an interpolation kernel."""
+    """Counts the learnt parameters. Constants stored as weights, such as an interpolation kernel, don't count."""
     return sum(weight.numel() for weight in network.parameters() if weight.requires_grad)
 
 
@@ -46,14 +46,14 @@ def count_macs(network: nn.Module, sizes: Sizes) -> float:
 
 
 def find_receptive_radius(network: nn.Module, scale: int) -> int | None:
-    """Returns the distance in input pixels at which an input pixel can still change an output pixel; None where it
-    is more than `WIDEST`. For networks of convolutions and activations.
+    """Finds the largest distance in input pixels at which an input pixel can change an output pixel; None if it is more
+    than `WIDEST`. For networks of convolutions and activations.
 
-    Measured: the gradient of one input pixel's `scale x scale` outputs, with every weight replaced by a positive
-    number, so that no path cancels, on a strip upright and lying.
+    It is measured as the gradient of one input pixel's `scale x scale` outputs on a vertical and a horizontal strip.
+    Every weight is replaced by a positive number, so that no paths cancel.
     """
     probe = copy.deepcopy(network).double()
-    random = torch.Generator().manual_seed(0)  # if all were equal, they would cancel where channels compete (softmax)
+    random = torch.Generator().manual_seed(0)  # equal weights would cancel where channels compete (softmax)
     with torch.no_grad():
         for weight in probe.parameters():
             if weight.ndim > 1:
@@ -69,13 +69,13 @@ def find_receptive_radius(network: nn.Module, scale: int) -> int | None:
 
 
 def _measure_reach(probe: nn.Module, scale: int, centre: int, axis: int, place: WindowPosition) -> int:
-    """How far from pixel `centre` of a strip along `axis` its outputs' gradient is not zero, pixels."""
+    """Returns how far from pixel `centre` of a strip along `axis` its outputs' gradient is not zero, in pixels."""
     sides = [9, 9]
     sides[axis - 2] = 2 * centre + 1
     inputs = [part.double() for part in examples.make_examples(probe, 1, *sides, place=place)]
-    pictures = [part.requires_grad_() for part in inputs[:2]]  # the view and those around it
+    pictures = [part.requires_grad_() for part in inputs[:2]]  # the view and its neighbours
     for part in pictures[1:]:
-        part.data += 1  # the views around are above the view itself, so that no ReLU is zero
+        part.data += 1  # the neighbouring views are brighter than the view itself, so that no ReLU is zero
     output = probe(*inputs).movedim(axis, 2)[:, :, centre * scale : (centre + 1) * scale]
     gradients = torch.cat(torch.autograd.grad(output.sum(), pictures), 1)
     touched = gradients.abs().sum([i for i in range(4) if i != axis]).nonzero()
@@ -84,12 +84,12 @@ def _measure_reach(probe: nn.Module, scale: int, centre: int, axis: int, place: 
 
 @torch.no_grad()
 def find_tile_overlap(network: Callable[[Tensor], Tensor], scale: int, sizes: Sizes) -> int:
-    """Returns the tile overlap in input pixels with which tiles equal the whole picture up to `SEAM`.
+    """Finds the tile overlap in input pixels at which tiles differ from the whole picture by at most `SEAM`.
 
-    For networks whose receptive field is wider than a tile, or unknown. Measured on noise that is strong on one side
-    and faint on the other, so that a tile's mean differs from the picture's.
+    This is for networks whose receptive field is wider than a tile, or unknown. It is measured on noise that is strong
+    on one side and faint on the other, so that a tile's mean differs from the picture's.
 
-    Raises `ValueError` where even the last of `OVERLAPS` is too small.
+    Raises `ValueError` if even the last of `OVERLAPS` is too small.
     """
     step = sizes.multiple_of
     rounded = sorted({-(-halo // step) * step for halo in OVERLAPS})

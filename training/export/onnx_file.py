@@ -25,16 +25,16 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 MULTIPLES = (1, 2, 4, 8, 16, 32, 64)
-"""What the sides of pictures are tried to be multiples of."""
+"""The numbers that are tried as multiples of the sides of pictures."""
 FAR_OFF = 0.25
-"""Most that the mean of what a network makes of noise may differ from the noise's."""
+"""Largest difference between the mean of a network's output for noise and the mean of the noise."""
 
 
 class OnnxFile:
-    """A network of a file as torch's are called: RGB in [0, 1], `(N, 3, H, W)` -> `(N, 3, scale*H, scale*W)`."""
+    """A network from a file, called like torch's: RGB in [0, 1], `(N, 3, H, W)` -> `(N, 3, scale*H, scale*W)`."""
 
     def __init__(self, path: Path) -> None:
-        """Raises `ValueError` where the file holds no such network, or sides are fixed."""
+        """Raises `ValueError` if the file holds no such network, or sides are fixed."""
         self.model = _read_model(path)
         self.weights = self.model.SerializeToString()
         try:
@@ -47,14 +47,16 @@ class OnnxFile:
         if len(shape) == 4 and shape[3] == 3:
             raise ValueError(f"{path}: takes {shape}, channels last; export it for RGB pictures (N, 3, H, W)")
         if len(shape) == 4 and isinstance(shape[0], int) and shape[0] != 1:
-            raise ValueError(f"{path}: takes {shape[0]} pictures at a time only; export it with a free batch, or of 1")
+            raise ValueError(
+                f"{path}: takes only {shape[0]} pictures at a time; export it with a free batch, or one of 1"
+            )
         if len(inputs) > 1 or self.input.type != "tensor(float)" or len(shape) != 4 or shape[1] in (1, 2, 4):
             taken = ", ".join(f"{each.name} {each.type} {each.shape}" for each in inputs)
             raise ValueError(f"{path}: takes {taken}; give a network of RGB pictures in float32, (N, 3, H, W)")
         if any(isinstance(side, int) for side in shape[2:]):
             raise ValueError(
-                f"{path}: takes pictures of {shape[2]}x{shape[3]} pixels only; export it with free height and width, "
-                "as by dynamic_axes or dynamic_shapes of torch.onnx.export"
+                f"{path}: takes only pictures of {shape[2]}x{shape[3]} pixels; export it with free height and width, "
+                "for example with dynamic_axes or dynamic_shapes of torch.onnx.export"
             )
 
     def __call__(self, images: Tensor) -> Tensor:
@@ -62,7 +64,7 @@ class OnnxFile:
         return torch.from_numpy(self._session.run([self.output.name], {self.input.name: images.numpy()})[0])
 
     def can_run(self, count: int, height: int, width: int) -> tuple[int, ...]:
-        """The shape that it makes of `count` pictures of such a size; empty where it fails."""
+        """Returns the output's shape for `count` pictures of this size; empty if the network fails."""
         try:
             return tuple(self(torch.full((count, 3, height, width), 0.5)).shape)
         except FAILURES:
@@ -70,10 +72,10 @@ class OnnxFile:
 
 
 def export_onnx(path: Path, out: Path, *, name: str = "", accuracy_on: Sequence[Path] = ()) -> Path:
-    """Writes `NAME.onnx`, with all weights in it, and `NAME.json` into `out` and returns the card's path; NAME is the
+    """Writes `NAME.onnx`, with all weights in it, and `NAME.json` into `out` and returns the card's path. NAME is the
     file's stem if not given. `accuracy_on`: as for `export.export_network`.
 
-    Raises `ValueError` where the file holds no network that upscales RGB in [0, 1] of any size, or tiles can't be used.
+    Raises `ValueError` if the file holds no network that upscales RGB in [0, 1] of any size, or tiles can't be used.
     """
     name = name or path.stem
     export.check_name(name)
@@ -103,19 +105,19 @@ def export_onnx(path: Path, out: Path, *, name: str = "", accuracy_on: Sequence[
 
 
 def _read_model(path: Path) -> onnx.ModelProto:
-    """The model with its weights, those in files beside it too."""
+    """Reads the model with its weights, including those in other files of the same folder."""
     try:
         return onnx.load(path)
     except DecodeError as error:
-        raise ValueError(f"{path}: no ONNX file; give one as torch.onnx.export writes it") from error
+        raise ValueError(f"{path}: not an ONNX file; give one written by torch.onnx.export") from error
     except (FileNotFoundError, onnx.checker.ValidationError) as error:  # weights in another file
         raise ValueError(
-            f"{path}: its weights can't be read ({_first_line(error)}); put their file beside it"
+            f"{path}: its weights can't be read ({_first_line(error)}); put their file next to it"
         ) from error
 
 
 def _find_sizes(network: OnnxFile, path: Path) -> tuple[Sizes, int]:
-    """What the sides of pictures must be multiples of, and the scale."""
+    """Finds the number that the sides of pictures must be multiples of, and the scale."""
     for multiple in MULTIPLES:
         sizes = Sizes(max(Sizes().minimum, multiple), multiple)
         rows, cols = sizes.round_up(17, 29)
@@ -126,24 +128,24 @@ def _find_sizes(network: OnnxFile, path: Path) -> tuple[Sizes, int]:
                 raise ValueError(f"{path}: doesn't upscale; give a network that does, by 2 or more")
             return sizes, scale
     raise ValueError(
-        f"{path}: makes no RGB picture of twice the size or more of one of 17x29 pixels, nor of larger ones with sides "
-        f"of multiples of {MULTIPLES[-1]}; give a network that upscales RGB, (N, 3, H, W)"
+        f"{path}: makes no RGB picture of at least twice the size from 17x29 pixels, nor from larger sides up to "
+        f"multiples of {MULTIPLES[-1]}; give a network that upscales RGB, (N, 3, H, W)"
     )
 
 
 def _check_range(network: OnnxFile, sizes: Sizes, path: Path) -> None:
-    """Raises `ValueError` where what it makes of noise in [0, 1] is far from that range."""
+    """Raises `ValueError` if the output for noise in [0, 1] is far from that range."""
     noise = torch.rand((1, 3, *sizes.round_up(32, 32)), generator=torch.Generator().manual_seed(0))
     mean = float(network(noise).mean())
     if not abs(mean - 0.5) <= FAR_OFF:
         raise ValueError(
-            f"{path}: makes a picture with a mean of {mean:.3g} of one with 0.5; give a network that takes and makes "
-            "RGB in [0, 1]"
+            f"{path}: makes a picture with a mean of {mean:.3g} from one with a mean of 0.5; give a network that takes "
+            "and makes RGB in [0, 1]"
         )
 
 
 def _takes_several(network: OnnxFile, sizes: Sizes) -> bool:
-    """Whether it makes of two pictures at once what it makes of each."""
+    """Returns whether the output for two pictures at once equals the outputs for each."""
     pair = torch.rand((2, 3, *sizes.round_up(17, 29)), generator=torch.Generator().manual_seed(0))
     alone = torch.cat([network(pair[:1]), network(pair[1:])])
     try:
@@ -154,8 +156,8 @@ def _takes_several(network: OnnxFile, sizes: Sizes) -> bool:
 
 
 def _count_macs(network: OnnxFile, scale: int, sizes: Sizes) -> float:
-    """Multiply-adds of convolutions and matrix products for one output pixel, as `measure.count_macs`; 0 where ONNX
-    can't infer shapes.
+    """Counts the multiply-adds of convolutions and matrix products for one output pixel, like `measure.count_macs`.
+    Those for which ONNX can't infer shapes count as 0.
     """
     rows, cols = sizes.round_up(measure.SMALL, measure.SMALL)
     model = onnx.ModelProto()

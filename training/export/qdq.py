@@ -1,15 +1,16 @@
-"""8-bit convolutions in an ONNX graph: QuantizeLinear and DequantizeLinear (QDQ) around what is to run in int8.
+"""8-bit convolutions in an ONNX graph: QuantizeLinear and DequantizeLinear (QDQ) around the nodes that run in int8.
 
-The form that onnxruntime calls QDQ, S8S8/U8S8 with symmetric weights, one scale for each output channel. Activations
-are unsigned 8 bit, `value = scale * (code - zero)`; biases are 32 bit with the scale of the products.
+The graph has the form that onnxruntime calls QDQ: S8S8/U8S8 with symmetric weights and one scale for each output
+channel. Activations are unsigned 8 bit, `value = scale * (code - zero)`. Biases are 32 bit with the scale of the
+products.
 
 The integer kernels of processors with VNNI need input channels in fours and output channels in sixteens, and are 2 to 4
-times slower otherwise. So zeros are added to pictures and filters, and cut off again where a layer that doesn't run in
-8 bits reads them.
+times slower otherwise. So channels of zeros are added to pictures and filters, and cut off again for layers that don't
+run in 8 bits.
 
-Where a layer's input joins the outputs of others behind ReLUs, each part has a grid of its own: its codes are joined as
-they are, and filters are scaled by the ratio of the grids. A part with negative values, of which there may be one, is
-joined twice, as it is and negated, each on a grid that begins at zero.
+If a layer's input joins the outputs of others after ReLUs, each part has a grid of its own. Its codes are joined as
+they are, and filters are scaled by the ratio of the grids. One part may have negative values. It is joined twice, as it
+is and negated, each time on a grid that begins at zero.
 """
 
 from __future__ import annotations
@@ -28,11 +29,11 @@ if TYPE_CHECKING:
 INPUTS, OUTPUTS = 4, 16
 """The integer kernels are made for multiples of these numbers of channels."""
 LARGEST = 1 << 30
-"""Code of a bias, at most: half of what 32 bits hold, so that the sum of products fits too."""
+"""Largest code of a bias: half of the 32-bit range, so that the sum of products fits too."""
 FAINTEST = 1e-8
-"""Least scale of a filter: a filter of zeros would bring denormals."""
+"""Smallest scale of a filter, because a filter of zeros would produce denormals."""
 ACTIVATIONS = ("LeakyRelu", "Relu")
-"""Element-wise functions that run in 8 bits behind a convolution."""
+"""Element-wise functions that run in 8 bits after a convolution."""
 
 
 class Grid(NamedTuple):
@@ -43,44 +44,44 @@ class Grid(NamedTuple):
 
     @classmethod
     def over(cls, low: float, high: float) -> Grid:
-        """The grid over `[low, high]`, widened to hold zero, which is on it exactly: padding is made of zeros."""
+        """Makes the grid over `[low, high]`, widened to hold zero, which is exactly on it because padding is zeros."""
         low, high = min(low, 0.0), max(high, 0.0)
         scale = np.float32(max(high - low, 1e-6) / 255)
         return cls(scale, np.uint8(np.clip(np.rint(-low / scale), 0, 255)))
 
     def round(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Rounds each value to the nearest of the grid."""
+        """Rounds each value to the nearest one of the grid."""
         zero = np.float32(self.zero)
         rounded: NDArray[np.float32] = (np.clip(np.rint(values / self.scale) + zero, 0, 255) - zero) * self.scale
         return rounded
 
 
 class Layer(NamedTuple):
-    """A convolution that can run in 8 bits, with the function behind it."""
+    """A convolution that can run in 8 bits, with the function after it."""
 
     convolution: onnx.NodeProto
     activation: onnx.NodeProto | None
     parts: Mapping[str, int] = {}
-    """The tensors that a Concat joins to the input, with their numbers of channels: outputs of layers behind ReLUs, and
-    at most one of anything else. Empty where others are joined, or where the input or that one is read elsewhere."""
+    """The tensors that a Concat joins to form the input, with their numbers of channels: outputs of layers after ReLUs,
+    and at most one other tensor. Empty if others are joined, or if the input or that tensor is read elsewhere too."""
 
     @property
     def name(self) -> str:
-        """The name of its weights, as in the network: `body.2.weight`."""
+        """The name of its weights, as in the network, such as `body.2.weight`."""
         return str(self.convolution.input[1])
 
     @property
     def tensors(self) -> tuple[str, ...]:
-        """The tensors that need a grid: input, output, and the convolution's output where it isn't folded."""
+        """The tensors that need a grid: the input, the output, and the convolution's output if it isn't folded."""
         sources, made = self.parts or (self.convolution.input[0],), self.convolution.output[0]
         if self.activation is None:
             return *sources, made
-        # Relu needs none before it: below zero there is nothing on its own grid.
+        # Relu needs none before it, because its own grid has nothing below zero.
         return (*sources, self.output) if self.activation.op_type == "Relu" else (*sources, made, self.output)
 
     @property
     def output(self) -> str:
-        """The tensor that comes out."""
+        """The output tensor."""
         return str((self.activation or self.convolution).output[0])
 
 
@@ -101,7 +102,7 @@ def find_layers(model: onnx.ModelProto) -> list[Layer]:
         if node.op_type == "Concat" and node.attribute[0].i == 1 and len(readers.get(node.output[0], [])) == 1
     }
     found: list[Layer] = []
-    channels: dict[str, int] = {}  # of the outputs of layers; 0 where they are not behind a ReLU
+    channels: dict[str, int] = {}  # of the outputs of layers; 0 if they are not after a ReLU
     for node in model.graph.node:
         groups = next((a.i for a in node.attribute if a.name == "group"), 1)
         if node.op_type == "Conv" and groups == 1 and node.input[1] in constants and node.output[0] not in pictures:
@@ -117,7 +118,9 @@ def find_layers(model: onnx.ModelProto) -> list[Layer]:
 
 
 def _count_channels(parts: Sequence[str], channels: Mapping[str, int], total: int) -> dict[str, int]:
-    """The channels of each of `parts`, `total` in all: `channels` holds those of layers; empty as `Layer.parts`."""
+    """Counts the channels of each of `parts`, `total` in all. `channels` holds those of layers. The result is empty in
+    the cases that `Layer.parts` names.
+    """
     known = {part: channels[part] for part in parts if part in channels}
     others, rest = len(parts) - len(known), total - sum(known.values())
     if not known or not all(known.values()) or others > 1 or others != bool(rest):
@@ -126,9 +129,9 @@ def _count_channels(parts: Sequence[str], channels: Mapping[str, int], total: in
 
 
 def insert_qdq(model: onnx.ModelProto, grids: Mapping[str, Grid], kept: Collection[str] = ()) -> onnx.ModelProto:
-    """Returns a copy of a float network in which all layers of `find_layers` but those in `kept` run in 8 bits.
+    """Returns a copy of a float network in which all layers of `find_layers` except those in `kept` run in 8 bits.
 
-    `grids`: for each of their `tensors`.
+    `grids`: one for each of their `tensors`.
     """
     return _GraphRewriter(model, grids, kept).build()
 
@@ -148,7 +151,7 @@ class _GraphRewriter:
         self.codes: dict[str, str] = {}
         """Tensor -> its codes."""
         self.whole: dict[str, tuple[str, int]] = {}
-        """Tensor -> its codes with the channels of zeros that a layer gave it, and their number."""
+        """Tensor -> its codes including the channels of zeros that a layer added, and the number of these."""
         self.nodes: list[onnx.NodeProto] = []
         self.constants: list[onnx.TensorProto] = []
 
@@ -168,7 +171,7 @@ class _GraphRewriter:
         del rewritten.graph.node[:], rewritten.graph.initializer[:]
         used = {output.name for output in self.model.graph.output}
         kept = []
-        for node in reversed(self.nodes):  # onnxruntime would run those that nothing reads
+        for node in reversed(self.nodes):  # onnxruntime would also run nodes that nothing reads
             if used.intersection(node.output):
                 kept.append(node)
                 used.update(node.input)
@@ -188,7 +191,7 @@ class _GraphRewriter:
         weight = np.pad(weight, ((0, more_outputs), (0, 0), (0, 0), (0, 0)))
         bias = np.pad(bias, (0, more_outputs))
         scales = np.abs(weight).max(axis=(1, 2, 3)).astype(np.float32) / 127
-        # A filter of nearly nothing keeps its bias within 32 bits all the same.
+        # The bias must fit 32 bits even if the filter is almost zero.
         least = np.maximum(np.abs(bias) / (grid.scale * LARGEST), FAINTEST)
         scales = np.maximum(scales, least).astype(np.float32)
         products = scales * grid.scale
@@ -203,12 +206,12 @@ class _GraphRewriter:
         if not relu or more_outputs:
             self.add_pair(made, keep=outputs if more_outputs else 0, grid=self.grids[layer.output if relu else made])
         if relu and more_outputs:
-            # A Relu's grid begins at zero: rounded to it, what is below zero is zero already.
+            # A Relu's grid begins at zero, so values below zero are already zero after rounding.
             self.codes[layer.output], self.read_as[layer.output] = self.codes[made], self.read_as[made]
             self.whole[layer.output] = self.whole[made]
 
     def add_input(self, name: str, weight: NDArray[np.float32]) -> tuple[str, Grid, NDArray[np.float32]]:
-        """Tensor `name` as the input of a layer, its grid, and the layer's filters, both with channels of zeros."""
+        """Returns tensor `name` as a layer's input, its grid, and the layer's filters, both with channels of zeros."""
         grid, wide = self.grids[name], f"{name}_wide"
         codes, more = self.whole.get(name, ("", -weight.shape[1] % INPUTS))
         if not more:
@@ -218,7 +221,7 @@ class _GraphRewriter:
         return self.read_as[wide], grid, np.pad(weight, ((0, 0), (0, more), (0, 0), (0, 0)))
 
     def add_join(self, layer: Layer, weight: NDArray[np.float32]) -> tuple[str, Grid, NDArray[np.float32]]:
-        """As `add_input`, of the parts of a layer's input."""
+        """Does the same as `add_input` for an input that is joined from parts."""
         codes, filters = [], []
         grid = Grid(self.grids[next(iter(layer.parts))].scale, np.uint8(0))
         ends = np.cumsum(list(layer.parts.values()))[:-1]
@@ -241,7 +244,7 @@ class _GraphRewriter:
         return source, grid, np.pad(weight, ((0, 0), (0, more), (0, 0), (0, 0)))
 
     def add_pair(self, name: str, *, keep: int = 0, grid: Grid | None = None) -> str:
-        """The tensor after rounding to its grid; of its channels the first `keep`, where that isn't 0."""
+        """Returns the tensor after rounding to its grid, with only the first `keep` channels if that isn't 0."""
         if name not in self.read_as:
             grid = grid or self.grids[name]
             codes = self.add_codes(name, grid)
@@ -254,13 +257,15 @@ class _GraphRewriter:
         return self.read_as[name]
 
     def add_codes(self, name: str, grid: Grid, more: int = 0) -> str:
-        """The codes of a tensor on a grid, those that are there already, with `more` channels of zeros."""
+        """Returns the codes of a tensor on a grid, reusing existing ones, with `more` channels of zeros."""
         if name not in self.codes:
             self.codes[name] = self.add_rounded(name, grid, name)
         return self.add_channels(self.codes[name], more, grid) if more else self.codes[name]
 
     def add_joined(self, name: str, grid: Grid, more: int) -> str:
-        """As `add_codes`; what a Concat joins is rounded and widened before it: a fourth of the bytes is joined."""
+        """Does the same as `add_codes`, but rounds and widens the inputs of a Concat before it, so that only a quarter
+        of the bytes is joined.
+        """
         maker = self.makers.get(name)
         if name in self.codes or maker is None or maker.op_type != "Concat" or maker.attribute[0].i != 1:
             return self.add_codes(name, grid, more)
@@ -269,26 +274,26 @@ class _GraphRewriter:
         return self.add_node("Concat", parts, f"{name}_codes", axis=1)
 
     def add_rounded(self, name: str, grid: Grid, label: str) -> str:
-        """The codes of a tensor on a grid, named after `label`."""
+        """Returns the codes of a tensor on a grid, named after `label`."""
         constants = [self.add_constant(f"{label}_{key}", value) for key, value in grid._asdict().items()]
         return self.add_node("QuantizeLinear", [self.read_as.get(name, name), *constants], f"{label}_codes")
 
     def add_channels(self, codes: str, count: int, grid: Grid, label: str = "") -> str:
-        """`codes` with `count` more channels, of zeros, named after `label`, or after `codes`."""
+        """Adds `count` channels of zeros to `codes`. The result is named after `label`, or after `codes`."""
         label = label or codes
         pads = self.add_constant(f"{label}_pads", np.array([0, 0, 0, 0, 0, count, 0, 0], np.int64))
         zero = self.add_constant(f"{label}_padding", grid.zero)
         return self.add_node("Pad", [codes, pads, zero], f"{label}_wide")
 
     def add_read(self, name: str, codes: str, grid: Grid) -> str:
-        """The values of `codes` on a grid, which stand for tensor `name` from here on."""
+        """Returns the values of `codes` on a grid, which replace tensor `name` from here on."""
         parts = [self.add_constant(f"{name}_read_{key}", value) for key, value in grid._asdict().items()]
         self.codes[name] = codes
         self.read_as[name] = self.add_node("DequantizeLinear", [codes, *parts], f"{name}_read")
         return self.read_as[name]
 
     def add_dequantised(self, name: str, codes: NDArray[np.generic], scales: NDArray[np.float32]) -> str:
-        """A constant of symmetric codes, one scale for each output channel."""
+        """Adds a constant of symmetric codes with one scale for each output channel."""
         inputs = [self.add_constant(f"{name}_codes", codes), self.add_constant(f"{name}_scales", scales)]
         return self.add_node("DequantizeLinear", inputs, name, axis=0)
 

@@ -1,8 +1,8 @@
 """Static int8 quantisation after training: grids from a float network's values on real views, layers kept in float.
 
-Each tensor gets the grid of least squared error on samples of its values (as in Banner et al., NeurIPS 2019; clipping
-is searched); a LeakyReLU's input gets the one that does best after it. Where all layers together cost more than
-`LIMIT`, the layer that costs most for each multiply-add goes back to float, until they don't.
+Each tensor gets the grid with the least squared error on samples of its values (as in Banner et al., NeurIPS 2019; the
+clipping is searched for). A LeakyReLU's input gets the grid that does best after the LeakyReLU. As long as all layers
+together cost more than `LIMIT`, the layer that costs most for each multiply-add goes back to float.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ if TYPE_CHECKING:
     Values = NDArray[np.float32]
 
 LIMIT = 0.08
-"""Most dB of Y-PSNR that int8 may lose on average over the calibration's views."""
+"""Most dB of Y-PSNR that int8 may lose on average over the views used for calibration."""
 SAMPLES = 1 << 17
-"""Values of each tensor from which its grid is chosen, taken evenly from all views."""
+"""Number of values of each tensor from which its grid is chosen, taken evenly from all views."""
 CLIPPINGS = np.linspace(0.2, 1.0, 17)
-"""How much of the extremes a grid may span, below and above zero."""
+"""The shares of the extremes that a grid may span, below and above zero."""
 
 
 def quantise_network(weights: bytes, pairs: Sequence[Example]) -> tuple[bytes, list[str]]:
-    """Quantises a float network: returns its int8 twin as ONNX and the names of the layers kept in float.
+    """Quantises a float network. Returns its int8 twin as ONNX and the names of the layers kept in float.
 
-    `weights`: as `to_onnx.convert_network` makes them. `pairs`: of `training.export.calibration`.
+    `weights`: as made by `to_onnx.convert_network`. `pairs`: from `training.export.calibration`.
 
-    Raises `ValueError` where the network has no convolution that can run in 8 bits, or int8 costs too much accuracy.
+    Raises `ValueError` if the network has no convolution that can run in 8 bits, or int8 costs too much accuracy.
     """
     model = onnx.load_from_string(weights)
     names = [layer.name for layer in qdq.find_layers(model)]
@@ -81,7 +81,7 @@ def choose_grids(model: onnx.ModelProto, pairs: Sequence[Example]) -> dict[str, 
 
 
 class _Sample(NamedTuple):
-    """Some of a tensor's values over all views, and the extremes of all of them."""
+    """A sample of a tensor's values over all views, and the extremes of all values."""
 
     values: Values
     low: float
@@ -107,7 +107,7 @@ def _sample_tensors(model: onnx.ModelProto, tensors: Sequence[str], pairs: Seque
 
 
 def _choose_grid(sample: _Sample, after: Callable[[Values], Values]) -> Grid:
-    """Chooses the grid, over a part of the range, with the least squared change of `after(values)`."""
+    """Chooses the grid, over a part of the range, that changes `after(values)` with the least squared error."""
     values = sample.values
     wanted = after(values)
     grids = dict.fromkeys(Grid.over(low, high) for low in CLIPPINGS * sample.low for high in CLIPPINGS * sample.high)
@@ -137,7 +137,7 @@ def _sort_by_cost(
 
 
 def _score(weights: bytes, pairs: Sequence[Example], *, is_int8: bool = True) -> Values:
-    """Y-PSNR in dB of each pair, with outputs not rounded, at most 60 dB."""
+    """Computes Y-PSNR in dB of each pair, with outputs not rounded, and at most 60 dB."""
     session = open_session(weights, count_available_cores(), is_int8=is_int8)
     scores = []
     for inputs, high in pairs:

@@ -1,4 +1,4 @@
-"""Checkpoints of training runs: atomic writes, and reading with clear errors."""
+"""Writes and reads checkpoints of training runs: atomically, and with clear errors."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 KEYS = frozenset({"network", "optimiser", "step", "recipe", "commit", "seconds"})
-"""What every checkpoint has. Newer ones also have `raw`, `psnr` and `objective`."""
+"""The keys that every checkpoint has. Newer ones also have `raw`, `psnr` and `objective`."""
 
 
 def save_checkpoint(path: Path, state: dict[str, Any]) -> None:
-    """Writes a checkpoint, `KEYS` and more, atomically.
+    """Writes a checkpoint, which has at least `KEYS`, atomically.
 
-    Raises `FloatingPointError` where a tensor in it is not finite, and `OSError` where the disk is full; the file that
-    was at `path` then stays.
+    Raises `FloatingPointError` if a tensor in it is not finite, and `OSError` if the disk is full. An existing file at
+    `path` is then kept.
     """
     if not _is_finite(state):
         raise FloatingPointError(f"step {state['step']}: a weight is not a number; lower learning_rate or set clip")
@@ -35,7 +35,7 @@ def save_checkpoint(path: Path, state: dict[str, Any]) -> None:
 
 
 def read_checkpoint(path: Path) -> dict[str, Any]:
-    """Reads a checkpoint, tensors on the CPU. Raises `ValueError` where the file is not one."""
+    """Reads a checkpoint, with its tensors on the CPU. Raises `ValueError` if the file is not one."""
     try:
         state = torch.load(path, map_location="cpu", weights_only=True)
     except OSError as error:

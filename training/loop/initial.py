@@ -1,4 +1,4 @@
-"""Starts a network from the weights of a float network in an ONNX file, as networks ship without checkpoints."""
+"""Starts a network from the weights of a float network's ONNX file, because networks ship without checkpoints."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 PREFIX = "network."
-"""What the export puts before the names of a light-field network's weights."""
+"""The prefix that the export adds to the names of a light-field network's weights."""
 MERGED = "merged"
 ADDED = 0.1
-"""Share of its random kernel that an added layer starts with, beside the identity."""
+"""The share of its random kernel that an added layer starts with, in addition to the identity."""
 
 
 @torch.no_grad()
@@ -32,12 +32,13 @@ def load_onnx_weights(network: nn.Module, path: Path) -> None:
     """Loads the float weights in `path` into the convolutions of `network`, whose other branches stay as they are.
 
     The export added the branches of each `CollapsibleConv` into one kernel; here its plain kernel takes up the
-    difference. A light-field network takes the weights of a single-picture generator into the one that it contains, an
-    ensemble into all of its members.
-    Layers of a generator's body that follow the last one in the file start near the identity, which a ReLU keeps: not
-    at it, as channels that are zero everywhere would get no gradient and stay so.
-    Raises `ValueError` where the file can't be read or is of an int8 network, a weight is missing or of another shape,
-    or `network` is not made of such convolutions.
+    difference. A light-field network loads the weights of a single-picture generator into the one that it contains, an
+    ensemble into all of its members. Layers of a generator's body after the last one in the file start near the
+    identity, which a ReLU keeps. They don't start exactly at it, because channels that are zero everywhere would get no
+    gradient and stay zero.
+
+    Raises `ValueError` if the file can't be read or holds an int8 network, if a weight is missing or has another shape,
+    or if `network` is not made of such convolutions.
     """
     try:
         model = onnx.load(path)
@@ -69,7 +70,7 @@ def load_onnx_weights(network: nn.Module, path: Path) -> None:
 
 
 def _read_weights(model: onnx.ModelProto) -> dict[str, Tensor]:
-    """The weights of an exported network by their names in it."""
+    """Reads the weights of an exported network, by their names in it."""
     return {
         value.name.removeprefix(PREFIX): torch.from_numpy(numpy_helper.to_array(value).copy())
         for value in model.graph.initializer
@@ -77,7 +78,7 @@ def _read_weights(model: onnx.ModelProto) -> dict[str, Tensor]:
 
 
 def _match(network: nn.Module, found: dict[str, Tensor]) -> tuple[nn.Module, dict[str, Tensor]]:
-    """The part of `network` that `found` are the weights of, and these by their names in it."""
+    """Returns the part of `network` that the weights `found` belong to, and the weights by their names in that part."""
     if isinstance(network, LightFieldGenerator):
         if "compare.0.weight" not in found:
             return network.single, found
@@ -89,14 +90,14 @@ def _match(network: nn.Module, found: dict[str, Tensor]) -> tuple[nn.Module, dic
             return network, split_weights(found, here)
         if there != here:
             raise ValueError(
-                f"initial: an ensemble of {there} generators, and members is {here}; set members = {there} in options, "
+                f"initial: an ensemble of {there} generators, but members is {here}; set members = {there} in options, "
                 "or name another"
             )
     return network, found
 
 
 def _place(name: str) -> int:
-    """The number of a layer, or of its weight, in a generator's body; -1 for others."""
+    """Returns the number of a layer, or of its weight, in a generator's body; -1 for others."""
     found = re.search(r"\bbody\.(\d+)", name)
     return int(found[1]) if found else -1
 

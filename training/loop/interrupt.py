@@ -16,7 +16,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Stopped(Exception):  # noqa: N818 - no error: the run can go on
-    """A run was stopped by a signal after it had written a checkpoint."""
+    """Raised when a run was stopped by a signal, after it has written a checkpoint."""
 
     def __init__(self, message: str, number: int) -> None:
         super().__init__(message)
@@ -26,9 +26,9 @@ class Stopped(Exception):  # noqa: N818 - no error: the run can go on
 
 @contextmanager
 def catch_signals() -> Iterator[list[int]]:
-    """Within the block the first signal is only appended to the list; a second one acts as before the block.
+    """Appends the first signal within the block to a list and does nothing else. A second one acts as before the block.
 
-    For the main thread only, as Python's signals. Ignored signals stay ignored (`nohup`).
+    Like Python's signals, it works in the main thread only. Ignored signals stay ignored (`nohup`).
     """
     caught: list[int] = []
     before: dict[int, Handler] = {}

@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
 
 DISPARITIES = Range(-1.0, 1.0)
-"""What planes are spread over: as those of the Knights at half their size."""
+"""The disparities that planes are spread over, which suit the Knights at half their size."""
 
 
 def read_light_field(folder: Path, scale: int) -> list[Pair]:
-    """Reads the light field in `folder`, degraded in each way of `KINDS`.
+    """Reads the light field in `folder` and degrades it in each way of `KINDS`.
 
     Raises `ValueError` as `read_views` does.
     """

@@ -1,4 +1,4 @@
-"""Logs of a run: log.csv, a TensorBoard file, a plot, and its progress on standard error."""
+"""Logs of a run: log.csv, a TensorBoard file, a plot, and the progress on standard error."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ OTHER = ("step", "learning_rate", "psnr", "seconds", "seconds_per_step")
 
 
 class Means:
-    """Mean losses over steps, accumulated on their device: only `take` waits for a GPU."""
+    """Mean losses over steps. They are accumulated on their device, so that only `take` waits for a GPU."""
 
     def __init__(self) -> None:
         self._sums: dict[str, Tensor | float] = {}
@@ -47,14 +47,14 @@ class Means:
 
 
 class Log:
-    """The log of a run in the folder `out` that continues from `step`: later rows of an interrupted run are dropped.
+    """The log of a run in the folder `out` that continues from `step`. Later rows of an interrupted run are dropped.
 
-    `log.csv` has a row for each validation: `step`; `loss`, the sum of the terms, and each term, means over the steps
-    since the row before; `learning_rate`; `psnr` in dB; `seconds` of the whole run; `seconds_per_step` without the
-    validations. `tensorboard/` has the same values and `plot.png` plots them. Where the package tensorboard or
-    matplotlib is not installed, its file is missing and a note goes to standard error.
+    `log.csv` has a row for each validation: `step`; `loss`, the sum of the terms, and each term, as means over the
+    steps since the previous row; `learning_rate`; `psnr` in dB; `seconds` of the whole run; `seconds_per_step` without
+    the validations. `tensorboard/` has the same values and `plot.png` plots them. If the package tensorboard or
+    matplotlib is not installed, its file is missing and a note is printed on standard error.
 
-    Raises `ValueError` where `out/log.csv` is not a log, and `OSError` where the disk is full.
+    Raises `ValueError` if `out/log.csv` is not a log, and `OSError` if the disk is full.
     """
 
     def __init__(self, out: Path, *, title: str, step: int) -> None:
@@ -65,7 +65,7 @@ class Log:
         self._events = _open_events(out / "tensorboard", step)
 
     def add(self, row: Row) -> None:
-        """Adds a row: `OTHER` and the losses."""
+        """Adds a row with `OTHER` and the losses."""
         self.rows.append(row)
         with replacing(self.out / "log.csv") as file:
             file.write(_to_csv(self.rows))
@@ -86,7 +86,7 @@ class Log:
 
 
 def read_log(path: Path) -> list[Row]:
-    """Reads the rows of a `log.csv`. Raises `ValueError` where the file is not one."""
+    """Reads the rows of a `log.csv`. Raises `ValueError` if the file is not one."""
     try:
         with path.open(newline="", encoding="utf-8") as file:
             rows = [{name: float(text) for name, text in row.items() if text} for row in csv.DictReader(file)]
@@ -109,7 +109,7 @@ def _to_csv(rows: Sequence[Row]) -> bytes:
 
 
 def _open_events(folder: Path, step: int) -> SummaryWriter | None:
-    """Opens a new event file; TensorBoard joins it to older ones in `folder`, and hides their events after `step`."""
+    """Opens a new event file. TensorBoard joins it to older ones in `folder` and hides their events after `step`."""
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ModuleNotFoundError as error:
@@ -123,9 +123,9 @@ def _note_missing(error: ModuleNotFoundError, file: str) -> None:
 
 
 def draw_plot(rows: Sequence[Mapping[str, float]], losses: Sequence[str], title: str) -> bytes:
-    """Plots a run as a PNG of 900x700 pixels: PSNR in dB above, the columns `losses` of `rows` below.
+    """Plots a run as a PNG of 900x700 pixels, with PSNR in dB above and the columns `losses` of `rows` below.
 
-    Raises `ModuleNotFoundError` where matplotlib is not installed.
+    Raises `ModuleNotFoundError` if matplotlib is not installed.
     """
     from matplotlib.figure import Figure
 
@@ -139,14 +139,14 @@ def draw_plot(rows: Sequence[Mapping[str, float]], losses: Sequence[str], title:
             axes.plot(*zip(*points, strict=True), marker=mark, linewidth=1.2, label=name)
         axes.set_ylabel(label)
         axes.grid(visible=True, alpha=0.3)
-    if all(row[name] > 0 for row in rows for name in losses if name in row):  # hinge terms go below zero
+    if all(row[name] > 0 for row in rows for name in losses if name in row):  # hinge terms can be below zero
         below.set_yscale("log")
     below.legend()
     below.set_xlabel("step")
     above.set_title(title)
     png = io.BytesIO()
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing")  # in a run's name: a box will do
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # in a run's name; a box is good enough
         figure.savefig(png, format="png")
     return png.getvalue()
 
@@ -154,17 +154,18 @@ def draw_plot(rows: Sequence[Mapping[str, float]], losses: Sequence[str], title:
 class Progress(tqdm):  # type: ignore[misc]
     """Progress on standard error from `step` of `steps`: time left, last loss, last validation PSNR in dB.
 
-    `minutes`: after which the run ends, if it does by the clock (0: it doesn't), of which `seconds` were before. A bar
-    on a terminal, which counts steps alone where the clock ends the run; elsewhere a line for each validation.
+    `minutes`: the time after which the run ends, of which `seconds` have passed already; 0 if no time is set. On a
+    terminal there is a bar, which only counts steps if a time ends the run. Elsewhere there is a line for each
+    validation.
     """
 
     def __init__(self, step: int, steps: int, psnr: float, minutes: float = 0.0, seconds: float = 0.0) -> None:
         self.psnr, self.steps, self.minutes, self.before = psnr, steps, minutes, seconds
-        total = None if minutes else steps  # a bar's time left would be that of all steps
+        total = None if minutes else steps  # otherwise a bar would show the time left for all steps
         super().__init__(initial=step, total=total, unit="step", disable=None, file=sys.stderr, dynamic_ncols=True)
 
     def count_step(self, loss: float | None) -> None:
-        """Counts a step; `loss` where it is known."""
+        """Counts a step. `loss`: its loss if known."""
         if loss is not None:
             left = ""
             if self.minutes:
@@ -174,8 +175,8 @@ class Progress(tqdm):  # type: ignore[misc]
         self.update()
 
     def report_validation(self, step: int, *, loss: float, psnr: float, pace: float, seconds: float) -> None:
-        """Reports a validation after `step` with the mean loss since the previous one; `pace` in seconds a step,
-        `seconds` since the run began.
+        """Reports a validation after `step`, with the mean loss since the previous one. `pace`: seconds per step.
+        `seconds`: time since the run began.
         """
         self.psnr = psnr
         if self.disable:

@@ -1,4 +1,4 @@
-"""Prefetching of batches by threads, so that a GPU does not wait for them."""
+"""Prefetches batches in threads, so that a GPU does not wait for them."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ if TYPE_CHECKING:
     from ciir.training.loop.run import Inputs
 
     Batch = tuple[Inputs, Tensor]
-    """The inputs of the network and the truth."""
+    """The inputs of the network, and the truth."""
 
 
 def prefetch_batches(
     at: Callable[[int], Batch], start: int, stop: int, *, threads: int, ready: int = 0
 ) -> Generator[Batch]:
-    """Yields `at(start)`, `at(start + 1)`, ... up to `stop`, in order; `threads` make them, 0: the caller does.
+    """Yields `at(start)`, `at(start + 1)`, ... up to `stop`, in order. `threads`: the number of threads that make them;
+    with 0 the caller's thread does.
 
     `ready`: how many finished ones may wait. `at` must depend on its argument only.
     """
@@ -38,4 +39,4 @@ def prefetch_batches(
         while coming:
             yield coming.popleft().result()
     finally:
-        pool.shutdown(cancel_futures=True)  # a run that is stopped waits for no batch that nobody needs
+        pool.shutdown(cancel_futures=True)  # a run that is stopped doesn't wait for batches that it no longer needs

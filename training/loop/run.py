@@ -1,4 +1,4 @@
-"""The state of a training run, and its update."""
+"""The state of a training run and its update."""
 
 from __future__ import annotations
 
@@ -25,29 +25,29 @@ if TYPE_CHECKING:
     from ciir.training.recipe import Recipe
 
     Inputs = Tensor | tuple[Tensor, ...]
-    """A picture, or the tuple of all inputs of a network."""
+    """A picture, or a tuple of all inputs of a network."""
 
 CHECK_EVERY = {"cpu": 1, "cuda": 50}
-"""Steps between checks of the loss: each check makes the CPU wait for the GPU."""
+"""Steps between checks of the loss. Each check makes the CPU wait for the GPU."""
 
 
 class Run:
     """A network in training; a checkpoint holds its whole state."""
 
     def __init__(self, recipe: Recipe) -> None:
-        """Starts from random weights, which depend only on the seed. Raises `ValueError` where the recipe is wrong."""
+        """Starts from random weights that depend only on the seed. Raises `ValueError` if the recipe is wrong."""
         self.recipe, self.device = recipe, choose_device(recipe.device)
         torch.manual_seed(recipe.seed)
         network = make_network(recipe.network, recipe.options)
         if network.scale != recipe.scale:
-            raise ValueError(f"scale is {recipe.scale}, and {recipe.network} is made for {network.scale}; see options")
+            raise ValueError(f"scale is {recipe.scale}, but {recipe.network} is made for {network.scale}; see options")
         if self.device.type == "cuda":
-            # By default convolutions in float32 keep 10 bits: too few for the differences of a plane sweep.
+            # By default float32 convolutions keep 10 bits, which are too few for the differences of a plane sweep.
             torch.backends.cudnn.allow_tf32 = False
             torch.backends.cudnn.benchmark = True  # all batches have one shape
         self.network: nn.Module = network.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.average = copy.deepcopy(self.network)
-        """The running mean of the weights: what is validated and exported."""
+        """The running mean of the weights, which is validated and exported."""
         if self.device.type == "cuda":
             self.network.compile()
         self.trained = [weight for weight in self.network.parameters() if weight.requires_grad]
@@ -57,15 +57,15 @@ class Run:
 
     @property
     def is_done(self) -> bool:
-        """Whether the run is at its end: its steps are done, or its time is up."""
+        """Whether the run has ended: its steps are done, or its time is up."""
         return self.step >= self.recipe.steps or 0 < 60 * self.recipe.minutes <= self.seconds
 
     def update(self, low: Inputs, high: Tensor) -> dict[str, Tensor | float]:
         """Updates the weights with LR `(N, 3, h, w)`, or all inputs of the network, and HR `(N, 3, H, W)`, float in
-        [0, 1]; returns the losses, `loss` their sum.
+        [0, 1]. Returns the losses, with `loss` as their sum.
 
-        Raises `FloatingPointError` where the loss or its gradient's norm is not finite, on CUDA within `CHECK_EVERY`
-        steps (the weights are then lost); `ValueError` where the discriminator has saturated.
+        Raises `FloatingPointError` if the loss or its gradient's norm is not finite, on CUDA within `CHECK_EVERY`
+        steps; the weights are then lost. Raises `ValueError` if the discriminator has saturated.
         """
         inputs, high = [self._placed(part) for part in as_tuple(low)], self._placed(high)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.recipe.bfloat16):
@@ -77,7 +77,7 @@ class Run:
             raise FloatingPointError(f"step {self.step}: the loss is {loss.item()}; lower learning_rate or set clip")
         self.optimiser.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
-        # Checked without clipping too: Adam would divide by its infinite square and silently stop learning.
+        # Checked even without clipping, because Adam would divide by its infinite square and silently stop learning.
         norm = torch.nn.utils.clip_grad_norm_(self.trained, self.recipe.clip or math.inf)
         if self.checks_loss and not torch.isfinite(norm):
             raise FloatingPointError(f"step {self.step}: the gradient's norm is {norm.item()}; lower learning_rate")
@@ -92,7 +92,7 @@ class Run:
 
     @property
     def checks_loss(self) -> bool:
-        """Whether the loss of the coming step is checked."""
+        """Whether the loss of the next step is checked."""
         return self.step % CHECK_EVERY[self.device.type] == 0
 
     def _placed(self, image: Tensor) -> Tensor:
@@ -102,7 +102,7 @@ class Run:
         return image.to(self.device, non_blocking=True, memory_format=layout)
 
     def save(self, path: Path) -> None:
-        """Writes the checkpoint; raises as `checkpoints.save_checkpoint`."""
+        """Writes the checkpoint. Raises the errors of `checkpoints.save_checkpoint`."""
         state = {
             "network": self.average.state_dict(),
             "raw": self.network.state_dict(),
@@ -117,7 +117,7 @@ class Run:
         checkpoints.save_checkpoint(path, state)
 
     def resume(self, path: Path) -> None:
-        """Resumes from a checkpoint of the same recipe. Raises `ValueError` where its recipe differs."""
+        """Resumes from a checkpoint of the same recipe. Raises `ValueError` if its recipe differs."""
         state = checkpoints.read_checkpoint(path)
         differs = recipes.find_difference(state["recipe"], self.recipe)
         if differs:
@@ -132,17 +132,17 @@ class Run:
             self.objective.load_state_dict(state.get("objective", {}))
         except (RuntimeError, ValueError, LookupError, TypeError) as error:
             raise ValueError(
-                f"{path}: of an older version, whose runs can't go on here; name another folder, and this checkpoint "
-                "as `initial`"
+                f"{path}: made by an older version, whose runs can't continue here; name another folder, and this "
+                "checkpoint as `initial`"
             ) from error
         self.step, self.seconds, self.commit = state["step"], state["seconds"], state["commit"]
         self.psnr = state.get("psnr", math.nan)
 
     def start_from(self, path: Path) -> None:
-        """Loads the weights of another run's checkpoint. Raises `ValueError` where its network differs.
+        """Loads the weights of another run's checkpoint. Raises `ValueError` if its network differs.
 
-        Options that do not change the weights (a slope) may differ: a line on stderr names both. A light-field
-        network loads the checkpoint of a single-picture generator into the generator that it contains.
+        Options that do not change the weights (a slope, for example) may differ; a line on stderr then names both. A
+        light-field network loads the checkpoint of a single-picture generator into the one that it contains.
         """
         if path.suffix == ".onnx":
             load_onnx_weights(self.network, path)
@@ -157,12 +157,12 @@ class Run:
         network = cast("nn.Module", self.network.single) if is_single else self.network
         try:
             network.load_state_dict(state["network"])
-        except RuntimeError as error:  # torch's message is a page
+        except RuntimeError as error:  # torch's message is a page long
             raise ValueError(
                 f"initial: {path} holds {there}, which is not this recipe's {here}; name another"
             ) from error
         if there != here and not is_single:
-            tqdm.write(f"initial: {path} holds {there}, and continues as {here}", file=sys.stderr)
+            tqdm.write(f"initial: {path} holds {there}, but continues as {here}", file=sys.stderr)
         self.average.load_state_dict(self.network.state_dict())
 
 
@@ -172,7 +172,7 @@ def as_tuple(inputs: Inputs) -> tuple[Tensor, ...]:
 
 
 def choose_device(name: str) -> torch.device:
-    """Finds the device of a recipe's `device`. Raises `ValueError` where it is CUDA and there is none."""
+    """Finds the device that a recipe's `device` names. Raises `ValueError` if that is CUDA and there is no GPU."""
     if name == "auto":
         name = "cuda" if torch.cuda.is_available() else "cpu"
     if name == "cuda" and not torch.cuda.is_available():
@@ -184,7 +184,7 @@ def choose_device(name: str) -> torch.device:
 
 
 def learning_rate(recipe: Recipe, step: int, seconds: float = 0.0) -> float:
-    """Adam's step size at `step`, after `seconds`: a linear warm-up, then a half cosine down to zero at the end."""
+    """Computes Adam's step size at `step`, after `seconds`: a linear warm-up, then a half cosine down to zero."""
     if step < recipe.warmup:
         return recipe.learning_rate * (step + 1) / recipe.warmup
     done = (step - recipe.warmup) / max(1, recipe.steps - recipe.warmup)
@@ -195,16 +195,16 @@ def learning_rate(recipe: Recipe, step: int, seconds: float = 0.0) -> float:
 
 @torch.no_grad()
 def update_average(average: nn.Module, network: nn.Module, decay: float) -> None:
-    """Updates a running mean of weights: `average = decay * average + (1 - decay) * network`; buffers are copied."""
+    """Updates a running mean of weights: `average = decay * average + (1 - decay) * network`. Buffers are copied."""
     torch._foreach_lerp_(
         list(average.parameters()), list(network.parameters()), 1.0 - decay
-    )  # as torch's own optimisers do
+    )  # as in torch's own optimisers
     for name, buffer in average.named_buffers():
         buffer.copy_(network.get_buffer(name))
 
 
 def find_commit() -> str:
-    """Finds the commit of the running code, with `+` where the checkout differs; `unknown` outside a checkout."""
+    """Finds the commit of the running code, with `+` if the checkout differs from it; `unknown` outside a checkout."""
     folder = Path(__file__).parent
 
     def git(*words: str) -> str:

@@ -28,21 +28,23 @@ if TYPE_CHECKING:
     from ciir.training.recipe import Recipe
 
 THREADS = {"cpu": 0, "cuda": 1}
-"""Threads that prefetch batches, which are made on the device: on a CPU they would only slow down the updates."""
+"""Number of threads that prefetch batches. Batches are made on the device, so on a CPU threads would only slow down
+the updates."""
 
 
 def train(recipe: Recipe, out: Path) -> Path:
-    """Runs `recipe` in `out`, from its checkpoint where one is there, and returns the checkpoint's path.
+    """Runs `recipe` in `out`, from its checkpoint if there is one, and returns the checkpoint's path.
 
-    `out` gets `checkpoint.pt`, and what `training.loop.logs.Log` writes, after each `recipe.validate_every` steps. A
-    resumed run continues bit for bit on the CPU: the data and the step size depend only on the step. With
-    `recipe.minutes` the step size depends on the time too.
+    After each `recipe.validate_every` steps `checkpoint.pt` and the files of `training.loop.logs.Log` are written to
+    `out`. A resumed run continues bit for bit on the CPU, because the data and the step size depend only on the step.
+    With `recipe.minutes` the step size depends on the time too.
 
-    Ctrl-C and SIGTERM stop it after the current step, with a checkpoint, by raising `training.loop.interrupt.Stopped`.
+    Ctrl-C and SIGTERM stop the run after the current step, with a checkpoint, by raising
+    `training.loop.interrupt.Stopped`.
 
-    Raises `FloatingPointError` when the loss or a weight is no longer a number; `ValueError` where a folder or a
-    checkpoint doesn't suit the recipe, the device is not there, or the discriminator has saturated; `OSError` where
-    the disk is full. The last good checkpoint stays.
+    Raises `FloatingPointError` if the loss or a weight is no longer a number. Raises `ValueError` if a folder or a
+    checkpoint doesn't suit the recipe, the device is not available, or the discriminator has saturated. Raises
+    `OSError` if the disk is full. The last good checkpoint is kept.
     """
     if out.exists() and not out.is_dir():
         raise ValueError(f"{out}: a file is there; name a folder for the run")
@@ -98,7 +100,7 @@ def train(recipe: Recipe, out: Path) -> Path:
 
 
 def report_start(recipe: Recipe, step: int) -> None:
-    """Prints a line on stderr as a run starts, and a warning where it is too short for its warm-up."""
+    """Prints a line on stderr when a run starts, and a warning if it is too short for its warm-up."""
     stop = "stop with Ctrl-C, continue with the same command"
     end = f"for {recipe.minutes:g} minutes in all, at most to" if recipe.minutes else "to"
     tqdm.write(f"training {recipe.name}: from step {step} {end} {recipe.steps}; {stop}", file=sys.stderr)
@@ -110,21 +112,21 @@ def report_start(recipe: Recipe, step: int) -> None:
 
 
 def _check_network(recipe: Recipe, network: nn.Module) -> None:
-    """Raises `ValueError` where the network does not take the batches of the recipe."""
+    """Raises `ValueError` if the network does not take the batches of the recipe."""
     if isinstance(network, LightFieldGenerator) == recipe.light_field:
         return
     if recipe.light_field:
         raise ValueError(
-            f'light_field is true, and {recipe.network} takes single pictures; set network = "light_field", or '
+            f'light_field is true, but {recipe.network} takes single pictures; set network = "light_field", or '
             "light_field = false"
         )
     raise ValueError(
-        f"light_field is false, and {recipe.network} takes a window of views; set light_field = true, or name another"
+        f"light_field is false, but {recipe.network} takes a window of views; set light_field = true, or name another"
     )
 
 
 def _choose_prefetch(recipe: Recipe, run: Run) -> dict[str, int]:
-    """Chooses how batches are prefetched. Layered scenes cost as much as updates and get a thread on a CPU too."""
+    """Chooses how batches are prefetched. Layered scenes take as long as updates, so they get a thread on a CPU too."""
     threads = THREADS[run.device.type]
     return (
         {"threads": max(1, threads), "ready": (KEPT_BLOCKS - 1) * STEPS_PER_BLOCK}
@@ -134,7 +136,7 @@ def _choose_prefetch(recipe: Recipe, run: Run) -> dict[str, int]:
 
 
 def _load_data(recipe: Recipe, run: Run) -> tuple[Callable[[nn.Module], float], Callable[[int], Batch]]:
-    """Loads the data of a recipe onto the run's device: returns the validation of a network, and the function that
+    """Loads the data of a recipe onto the run's device. Returns the function that validates a network, and the one that
     makes a step's batch.
     """
     names = ("crop", "scale", "batch", "seed", "degradations", "meshes")

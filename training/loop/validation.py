@@ -1,4 +1,4 @@
-"""Validation of a single-picture network during training: Y-PSNR on a small set that is read once, at the start."""
+"""Validation of a single-picture network during training: Y-PSNR on a small set that is read once at the start."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 
 
 def read_pairs(folder: Path, scale: int) -> list[Pair]:
-    """The pairs in `folder`: `*_LR.png` with their `*_HR.png`, or of all its pictures, with bicubic LR.
+    """Reads the pairs in `folder`: `*_LR.png` with their `*_HR.png`, or if there are none all its pictures, with
+    bicubic LR.
 
-    Raises `ValueError` where there is none, one can't be read, an HR is missing, or a pair is at another scale.
+    Raises `ValueError` if there is none, one can't be read, an HR is missing, or a pair has another scale.
     """
     files = pictures.find_pictures(folder)
     pairs = pictures.pair_files(files)
@@ -34,7 +35,7 @@ def read_pairs(folder: Path, scale: int) -> list[Pair]:
         low, high = pictures.read_rgb(path, unused=unused), pictures.read_rgb(truth, unused=unused)
         if high.shape != (scale * low.shape[0], scale * low.shape[1], 3):
             raise ValueError(
-                f"{truth}: {high.shape[0]}x{high.shape[1]} pixels, where its LR is {low.shape[0]}x{low.shape[1]}; "
+                f"{truth}: {high.shape[0]}x{high.shape[1]} pixels, but its LR is {low.shape[0]}x{low.shape[1]}; "
                 f"name a folder of pairs at scale {scale}"
             )
         read.append(Pair(low, high))
@@ -50,9 +51,9 @@ def _make_pair(path: Path, scale: int, unused: int) -> Pair:
 
 @torch.no_grad()
 def score_outputs(network: nn.Module, cases: Iterable[tuple[tuple[Tensor, ...], Picture]], border: int) -> float:
-    """Mean Y-PSNR in dB of what a network makes of its inputs, rounded to 8 bits, against their truths `(H, W, 3)`.
+    """Computes the mean Y-PSNR in dB of a network's outputs, rounded to 8 bits, against their truths `(H, W, 3)`.
 
-    `border`: pixels that are cut along each edge. Runs where the network is.
+    `border`: the number of pixels that are cut along each edge. The network runs on the device where it is.
     """
     device = next(network.parameters()).device
     network.eval()
@@ -66,9 +67,9 @@ def score_outputs(network: nn.Module, cases: Iterable[tuple[tuple[Tensor, ...], 
 
 
 def validate_network(network: nn.Module, against: list[Pair], scale: int) -> float:
-    """Mean Y-PSNR in dB by the published protocol: 8-bit outputs, a border of `scale` cut.
+    """Computes the mean Y-PSNR in dB by the published protocol: 8-bit outputs with a border of `scale` cut.
 
-    Grey pictures count as RGB ones, 1.3 dB higher than `training.evaluation.pictures` has them.
+    Grey pictures are scored as RGB, which gives 1.3 dB more than in `training.evaluation.pictures`.
     """
     cases = (((torch.from_numpy(pictures.convert_to_input(low)),), high) for low, high in against)
     return score_outputs(network, cases, scale)

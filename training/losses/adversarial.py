@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class AdversarialLosses:
-    """The losses of generator and discriminator, scalars, from logits `(N,)` float32."""
+    """The losses of generator and discriminator: scalars computed from logits `(N,)` float32."""
 
     generator: Callable[[Tensor], Tensor]
-    """Of the made pictures' logits."""
+    """Takes the made pictures' logits."""
     discriminator: Callable[[Tensor, Tensor], Tensor]
-    """Of the real and of the made pictures' logits, the mean of the two halves."""
+    """Takes the real and the made pictures' logits. The loss is the mean of the two halves."""
 
 
 def _bce_generator(made: Tensor) -> Tensor:
@@ -64,11 +64,11 @@ def find_losses(name: str) -> AdversarialLosses:
 class SaturationWatch:
     """Detects a discriminator that no longer helps the generator.
 
-    After the first `start` updates the run ends when `patience` updates in a row were
+    After the first `start` updates the run ends if `patience` updates in a row were
 
     - won: the discriminator's loss was below `threshold` divided by the number of pictures, real and made. A single
-      undecided picture adds log(2) = 0.69 divided by that (hinge: 1), so the gradient vanishes.
-    - or blind: the probabilities (sigmoid of the logits) of all pictures lay within `spread` of each other.
+      undecided picture adds log(2) = 0.69 (hinge: 1) divided by that number, so the gradient vanishes.
+    - or blind: the probabilities (sigmoid of the logits) of all pictures were within `spread` of each other.
     """
 
     start: int = 500
@@ -78,12 +78,12 @@ class SaturationWatch:
 
     updates: int = 0
     won: int = 0
-    """How many updates in a row were won."""
+    """The number of updates in a row that were won."""
     blind: int = 0
-    """How many updates in a row were blind."""
+    """The number of updates in a row that were blind."""
 
     def record(self, loss: float, real: Tensor, made: Tensor) -> None:
-        """Counts one update of the discriminator. Raises `ValueError` where it has saturated."""
+        """Counts one update of the discriminator. Raises `ValueError` if the discriminator has saturated."""
         self.updates += 1
         if self.updates <= self.start:
             return
@@ -109,7 +109,7 @@ class Adversary:
     """A discriminator with its losses, its optimiser (Adam) and its saturation watch."""
 
     def __init__(self, name: str, network: Discriminator, *, bfloat16: bool = False) -> None:
-        """`name`: key of `LOSSES`. `network`: on the device of its pictures. `bfloat16`: run it in bfloat16."""
+        """`name`: a key of `LOSSES`. `network`: on the device of its pictures. `bfloat16`: whether it runs in that."""
         self.losses = find_losses(name)
         self.network = network
         self.bfloat16 = bfloat16
@@ -118,7 +118,7 @@ class Adversary:
 
     def judge(self, output: Tensor) -> tuple[Tensor, list[Tensor]]:
         """Returns the generator's loss, a scalar, and its pictures' feature maps; gradients flow to `output` only."""
-        # The generator's update needs no gradients of these weights, a third of the work.
+        # The generator's update doesn't need the gradients of these weights, which are a third of the work.
         self.network.requires_grad_(False)
         try:
             with self._autocast(output):
@@ -130,15 +130,15 @@ class Adversary:
 
     @torch.no_grad()
     def features(self, high: Tensor) -> list[Tensor]:
-        """The feature maps of real pictures, without gradients."""
+        """Returns the feature maps of real pictures, without gradients."""
         with self._autocast(high):
             return self.network.features(high)
 
     def update(self, output: Tensor, high: Tensor, rate: float) -> dict[str, float]:
-        """One step of size `rate` on made pictures (detached here) and real ones; returns its `discriminator_loss`, and
-        `discriminator_accuracy`, the share of pictures that it classified correctly before the step.
+        """Takes one step of size `rate` on made pictures (detached here) and real ones. Returns `discriminator_loss`,
+        and `discriminator_accuracy`, the share of pictures that were classified correctly before the step.
 
-        Raises `FloatingPointError` where the loss is not a number; `ValueError` where the discriminator is saturated.
+        Raises `FloatingPointError` if the loss is not a number, and `ValueError` if the discriminator has saturated.
         """
         with self._autocast(high):
             real, made = self.network(high), self.network(output.detach())
@@ -156,7 +156,7 @@ class Adversary:
         return {"discriminator_loss": loss.item(), "discriminator_accuracy": accuracy.item()}
 
     def state_dict(self) -> dict[str, Any]:
-        """The state that a resumed run needs to continue bit for bit."""
+        """Returns the state that a resumed run needs to continue bit for bit."""
         return {
             "network": self.network.state_dict(),
             "optimiser": self.optimiser.state_dict(),

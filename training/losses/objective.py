@@ -24,8 +24,8 @@ class Objective:
     With `loss = "mse"`, `perceptual = "vgg19"` and `adversarial = "bce"` this is the paper's sum: MSE + VGG-19 content
     + 1e-3 adversarial (Wu et al., Applied Sciences 2024, 14(2), 656, section 2.2).
 
-    Raises `ValueError` for an unknown name, for `vgg19` without its file or on crops below 16 pixels, and
-    for `discriminator` features without an adversarial term, which trains the discriminator.
+    Raises `ValueError` for an unknown name, for `vgg19` without its file or on crops below 16 pixels, and for
+    `discriminator` features without an adversarial term, because that term trains the discriminator.
     """
 
     def __init__(self, recipe: Recipe, device: torch.device) -> None:
@@ -46,8 +46,8 @@ class Objective:
     def generator(self, output: Tensor, high: Tensor) -> dict[str, Tensor]:
         """Computes the terms of the generator's loss: name -> weighted scalar.
 
-        `output` and `high`: made and real pictures, `(N, 3, H, W)` float32, nominally in [0, 1]. Keys are the recipe's
-        `loss` and `perceptual`, and `adversarial`.
+        `output` and `high`: made and real pictures, `(N, 3, H, W)` float32, nominally in [0, 1]. The keys are the
+        recipe's `loss` and `perceptual`, and `adversarial`.
         """
         recipe = self.recipe
         terms = {recipe.loss: self.pixel(output, high)}
@@ -62,14 +62,14 @@ class Objective:
         return terms
 
     def discriminator(self, output: Tensor, high: Tensor, rate: float) -> dict[str, float]:
-        """Updates the discriminator with step size `rate`, see `Adversary.update`; empty where there is none.
+        """Updates the discriminator with step size `rate`; see `Adversary.update`. Empty if there is none.
 
-        Raises `ValueError` where it has saturated, `FloatingPointError` where its loss is not a number.
+        Raises `ValueError` if it has saturated, and `FloatingPointError` if its loss is not a number.
         """
         return self.adversary.update(output, high, rate) if self.adversary else {}
 
     def state_dict(self) -> dict[str, Any]:
-        """The state of the discriminator for a checkpoint; empty where there is none."""
+        """Returns the state of the discriminator for a checkpoint; empty if there is none."""
         return self.adversary.state_dict() if self.adversary else {}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
@@ -95,6 +95,6 @@ def _check_terms(recipe: Recipe) -> None:
     elif recipe.perceptual == "discriminator":
         raise ValueError('perceptual: "discriminator" needs one; set adversarial to "bce" or "hinge"')
     if recipe.perceptual == "vgg19" and not recipe.vgg:
-        raise ValueError(f'vgg: empty, and perceptual = "vgg19" needs it; {perceptual.REMEDY}')
+        raise ValueError(f'vgg: empty, but perceptual = "vgg19" needs it; {perceptual.REMEDY}')
     if recipe.perceptual == "vgg19" and recipe.crop < 16:
         raise ValueError(f"crop: {recipe.crop} pixels are too few for VGG-19; give 16 or more")

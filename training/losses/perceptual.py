@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 PERCEPTUAL = ("vgg19", "discriminator")
-"""Names for a recipe's `perceptual`."""
+"""The names that a recipe's `perceptual` may have."""
 
 Layout = tuple[int | Literal["pool"], ...]
-"""Output channels of each 3x3 convolution, and where the picture is halved."""
+"""The output channels of each 3x3 convolution, and `pool` where the picture is halved."""
 VGG19: Layout = (
     *(64, 64, "pool"),
     *(128, 128, "pool"),
@@ -29,7 +29,7 @@ VGG19: Layout = (
 )
 """VGG-19 up to conv5_4 (Simonyan and Zisserman, ICLR 2015, table 1, column E)."""
 MEAN, DEVIATION = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
-"""ImageNet's, with which torchvision's weights were trained: R, G, B in [0, 1]."""
+"""ImageNet's values for R, G, B in [0, 1], which torchvision's weights were trained with."""
 REMEDY = "give torchvision's vgg19-dcbb9e9d.pth, which torchvision.models.vgg19(weights='IMAGENET1K_V1') downloads"
 
 
@@ -42,9 +42,9 @@ class Vgg(nn.Module):
 
     def __init__(self, weights: Path, *, layout: Layout = VGG19) -> None:
         """`weights`: a state dict whose convolutions are `features.N.weight` and `features.N.bias`; keys of other
-        layers are ignored. `layout`: another one than VGG-19's is for tests.
+        layers are ignored. `layout`: VGG-19's, except in tests.
 
-        Raises `ValueError` where the file is missing, no state dict, or another network's.
+        Raises `ValueError` if the file is missing, is not a state dict, or belongs to another network.
         """
         super().__init__()
         self.features = _make_layers(layout)
@@ -66,7 +66,7 @@ class Vgg(nn.Module):
 
 
 def _make_layers(layout: Layout) -> nn.Sequential:
-    """Numbered as torchvision numbers `features`; the last convolution's activation is left out."""
+    """Makes layers numbered like torchvision's `features`, without the last convolution's activation."""
     layers: list[nn.Module] = []
     inputs = 3
     for item in layout:
@@ -89,16 +89,18 @@ def _read_weights(path: Path) -> dict[str, object]:
 
 
 class VggContent:
-    """Mean squared difference of two pictures' `Vgg` features, a scalar, float32 (SRGAN, equation 5)."""
+    """The mean squared difference of two pictures' `Vgg` features, a float32 scalar (SRGAN, equation 5)."""
 
     def __init__(self, weights: Path, device: torch.device, *, bfloat16: bool = False, layout: Layout = VGG19) -> None:
-        """Arguments and errors as `Vgg`'s. `bfloat16`: the network, not the difference, is computed in that."""
+        """Arguments and errors are those of `Vgg`. `bfloat16`: whether the network, not the difference, is computed in
+        bfloat16.
+        """
         self.network = Vgg(weights, layout=layout)
         self.network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.bfloat16 = bfloat16
 
     def __call__(self, output: Tensor, high: Tensor) -> Tensor:
-        """`(N, 3, H, W)` in [0, 1], both. Gradients flow to `output` only."""
+        """Computes the loss of two pictures `(N, 3, H, W)` in [0, 1]. Gradients flow to `output` only."""
         with torch.autocast(output.device.type, torch.bfloat16, enabled=self.bfloat16):
             made = self.network(output)
             with torch.no_grad():
@@ -108,9 +110,10 @@ class VggContent:
 
 
 def feature_matching(output: Sequence[Tensor], high: Sequence[Tensor]) -> Tensor:
-    """Mean absolute difference of a discriminator's feature maps, averaged over its layers; a scalar, float32.
+    """Computes the mean absolute difference of a discriminator's feature maps, averaged over its layers; a float32
+    scalar.
 
-    Pix2PixHD (Wang et al., CVPR 2018, equation 4), with the mean over the layers for the sum.
+    Pix2PixHD (Wang et al., CVPR 2018, equation 4), with the mean over the layers instead of the sum.
     """
     layers = [(made.float() - real.float()).abs().mean() for made, real in zip(output, high, strict=True)]
     return torch.stack(layers).mean()

@@ -12,27 +12,27 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 SQUARES = 6.0
-"""Weight of squares in `squared_luma`: at a difference of a sixth of the range they count as much as its size."""
+"""Weight of squares in `squared_luma`. At a sixth of the range they count as much as the absolute difference."""
 
 
 def l1(output: Tensor, high: Tensor) -> Tensor:
-    """Mean absolute difference, a scalar."""
+    """Computes the mean absolute difference, a scalar."""
     return (output - high).abs().mean()
 
 
 def mse(output: Tensor, high: Tensor) -> Tensor:
-    """Mean squared difference, a scalar."""
+    """Computes the mean squared difference, a scalar."""
     return (output - high).square().mean()
 
 
 def luma(output: Tensor, high: Tensor) -> Tensor:
-    """0.3 times the mean absolute difference of RGB and 0.7 times that of Y (BT.601's weights), a scalar."""
+    """Computes 0.3 times the mean absolute difference of RGB plus 0.7 times that of Y (BT.601's weights), a scalar."""
     difference = output - high
     return 0.3 * difference.abs().mean() + 0.7 * _weigh(difference).abs().mean()
 
 
 def squared_luma(output: Tensor, high: Tensor) -> Tensor:
-    """`luma`, and `SQUARES` times the mean squared difference of Y, a scalar: PSNR is of squares."""
+    """Computes `luma` plus `SQUARES` times the mean squared difference of Y, a scalar. PSNR depends on squares."""
     return luma(output, high) + SQUARES * _weigh(output - high).square().mean()
 
 
@@ -46,7 +46,7 @@ LOSSES: dict[str, Callable[[Tensor, Tensor], Tensor]] = {
     "luma": luma,
     "squared-luma": squared_luma,
 }
-"""A recipe's `loss` -> function of (output, high), both float of one shape, in [0, 1]."""
+"""A recipe's `loss` -> the function of (output, high), both float of the same shape, in [0, 1]."""
 
 
 def find_pixel_loss(name: str) -> Callable[[Tensor, Tensor], Tensor]:

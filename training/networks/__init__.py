@@ -1,4 +1,4 @@
-"""The generators, one file each, by their names in recipes."""
+"""The generators, one in each file, by their names in recipes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ NETWORKS: dict[str, Callable[..., nn.Module]] = {
     "rrdb": RRDBGenerator,
     "sparse_camera": SparseCameraGenerator,
 }
-"""A recipe's `network` -> constructor; its `options` are the keyword arguments."""
+"""A recipe's `network` -> its constructor, whose keyword arguments are the recipe's `options`."""
 
 
 def make_network(name: str, options: dict[str, Any]) -> nn.Module:

@@ -1,4 +1,4 @@
-"""Batch normalisation (Ioffe and Szegedy, ICML 2015), and its folding into convolutions after training."""
+"""Batch normalisation (Ioffe and Szegedy, ICML 2015) and its folding into convolutions after training."""
 
 from __future__ import annotations
 

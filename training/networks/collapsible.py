@@ -1,6 +1,6 @@
 """A 3x3 convolution with several branches for training that becomes one plain convolution afterwards.
 
-As in ECBSR (Zhang et al., ACM MM 2021) and SESR (Bhardwaj et al., MLSys 2022) all branches are linear, and their
+As in ECBSR (Zhang et al., ACM MM 2021) and SESR (Bhardwaj et al., MLSys 2022), all branches are linear, and their
 kernels are added before they are applied.
 """
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     Layer = TypeVar("Layer", bound=nn.Module)
 
 WIDENING = 2
-"""Channels in the middle of the widened branch, for each output channel."""
+"""Number of channels in the middle of the widened branch for each output channel."""
 
 
 class CollapsibleConv(nn.Module):
@@ -32,7 +32,7 @@ class CollapsibleConv(nn.Module):
     - a 3x3 convolution,
     - a 3x3 convolution to `WIDENING * outputs` channels and a 1x1 convolution back,
     - a 1x1 convolution,
-    - and the input itself, where `inputs == outputs`.
+    - and the input itself, if `inputs == outputs`.
     """
 
     def __init__(self, inputs: int, outputs: int, *, gain: float = 1.0) -> None:
@@ -50,7 +50,7 @@ class CollapsibleConv(nn.Module):
         """Whether training rounds the kernel as the export to int8 does."""
 
     def weight(self) -> Tensor:
-        """The one kernel that equals the sum of all branches, `(outputs, inputs, 3, 3)` float32."""
+        """Computes the single kernel that equals the sum of all branches, `(outputs, inputs, 3, 3)` float32."""
         with torch.autocast(self.kernel.device.type, enabled=False):
             point = self.point + torch.eye(len(self.point), device=self.point.device) if self.identity else self.point
             centre = functional.pad(point[..., None, None], (1, 1, 1, 1))

@@ -37,9 +37,9 @@ class CompactGenerator(nn.Module):
         guard: bool = False,
         rounded: bool = False,
     ) -> None:
-        """`slope`: of the LeakyReLU below zero. 0 makes it a ReLU, which onnxruntime fuses into int8 convolutions.
-        `guard`: whether the change is limited (`guard.limit_change`). `rounded`: whether activations and weights are
-        rounded in training, for int8 networks (`rounding`). Raises `ValueError` for that without ReLUs.
+        """`slope`: the slope of the LeakyReLU below zero. 0 makes it a ReLU, which onnxruntime fuses into int8
+        convolutions. `guard`: whether the change is limited (`guard.limit_change`). `rounded`: whether activations and
+        weights are rounded in training, for int8 networks (`rounding`). Raises `ValueError` if it is set without ReLUs.
         """
         super().__init__()
         self.scale, self.guard = scale, guard
@@ -49,7 +49,7 @@ class CompactGenerator(nn.Module):
             activation = nn.LeakyReLU(slope) if slope else nn.ReLU()
             self.body.extend([CollapsibleConv(inputs, width, gain=0.5), activation])
             inputs = width
-        # Untrained, the network is close to bicubic interpolation.
+        # The untrained network is close to bicubic interpolation.
         self.tail = CollapsibleConv(inputs, 3 * scale**2, gain=0.1)
         self.base = Bicubic(scale)
         if rounded and slope:
@@ -69,6 +69,6 @@ class CompactGenerator(nn.Module):
         return functional.pixel_shuffle(change + self.base(image), self.scale)
 
     def compute_change(self, image: Tensor) -> Tensor:
-        """What is added to interpolation, before its limit, `(N, 3 * scale^2, H, W)`: colours, then phases."""
+        """Returns the change to interpolation, before its limit, `(N, 3 * scale^2, H, W)`: colours, then phases."""
         change: Tensor = self.tail(self.body(image))
         return change

@@ -16,9 +16,9 @@ SLOPE = 0.2
 class Discriminator(nn.Module):
     """RGB in [0, 1], `(N, 3, H, W)` -> one logit for each picture, `(N,)`: above zero for real pictures.
 
-    For each of `channels` a 3x3 convolution to that many channels and one of stride 2, each with batch normalisation
-    (but for the very first) and LeakyReLU; then two dense layers, on the mean over the picture, so that crops may have
-    any size (SRGAN's take a whole 96x96 crop). SRGAN's sigmoid is part of the loss.
+    For each of `channels` there is a 3x3 convolution to that many channels and one of stride 2, each with batch
+    normalisation (except the very first) and LeakyReLU. Two dense layers follow. They take the mean over the picture,
+    so that crops may have any size (SRGAN's take a whole 96x96 crop). SRGAN's sigmoid is part of the loss.
 
     Batch normalisation always uses the statistics of the batch. Without `normalise`, a logit does not depend on the
     batch.
@@ -42,7 +42,9 @@ class Discriminator(nn.Module):
         )
 
     def features(self, image: Tensor) -> list[Tensor]:
-        """The activations of each convolution, `(N, C, H / s, W / s)`, sizes rounded up; s is 1, 2, 2, 4, 4, 8 ..."""
+        """Returns the activations of each convolution, `(N, C, H / s, W / s)`, with sizes rounded up; s is 1, 2, 2, 4,
+        4, 8 ...
+        """
         maps = []
         x = image
         for layer in self.layers:
@@ -51,7 +53,7 @@ class Discriminator(nn.Module):
         return maps
 
     def logits(self, features: Sequence[Tensor]) -> Tensor:
-        """`(N,)`, from what `features` returned."""
+        """Computes the logits `(N,)` from the result of `features`."""
         judged: Tensor = self.judge(features[-1])
         return judged
 

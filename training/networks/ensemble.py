@@ -1,7 +1,7 @@
 """Several of our generators side by side, whose changes are added: an ensemble.
 
-Where it starts from one generator (`split_weights`), each member is turned by another quarter (geometric self-ensemble:
-EDSR, Lim et al., CVPRW 2017). The turn is in its kernels: no picture is turned when the network runs.
+If it starts from one generator (`split_weights`), each member is rotated by another quarter turn (geometric
+self-ensemble: EDSR, Lim et al., CVPRW 2017). Only the kernels are rotated, not the pictures when the network runs.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
 ROUNDING = 1 / 255
-"""Difference of an input and the picture made small again that rounding and the network's errors leave. Where the
-difference around a pixel is larger, the input was not made by bicubic reduction, and it is left: in rendered views, for
-example."""
+"""The difference between an input and the reduced picture that rounding and the network's errors leave. If the
+difference around a pixel is larger, the input was not made by bicubic reduction (a rendered view, for example), and the
+difference is mostly left as it is."""
 NEIGHBOURHOOD = 5
 """Side of the square around a pixel, LR pixels."""
 
@@ -34,10 +34,10 @@ class Ensemble(nn.Module):
 
         image = PixelShuffle(limit(change_1(image) + ... + change_n(image)) + bicubic(image))
 
-    `projected`: with back-projection (Irani and Peleg, "Improving resolution by image registration", CVGIP 53(3),
-    1991). What bicubic reduction makes of the picture before the limit is compared with the input, and the difference
-    is interpolated and added to the changes, with a weight of `1 / (1 + m^2)` where m is the mean of its square around,
-    in units of `ROUNDING^2`.
+    `projected`: whether to use back-projection (Irani and Peleg, "Improving resolution by image registration", CVGIP
+    53(3), 1991). The picture before the limit, after bicubic reduction, is compared with the input. The difference is
+    interpolated and added to the changes, with a weight of `1 / (1 + m^2)`, where m is the mean of its square in the
+    neighbourhood, in units of `ROUNDING^2`.
     """
 
     def __init__(
@@ -51,10 +51,10 @@ class Ensemble(nn.Module):
         rounded: bool = False,
         projected: bool = False,
     ) -> None:
-        """`members`: how many generators. `guard`: whether the sum is limited (`guard.limit_change`). `projected`: see
-        the class. The other options are of each: see `compact.CompactGenerator`.
+        """`members`: the number of generators. `guard`: whether the sum is limited (`guard.limit_change`). `projected`:
+        see the class. The other options are those of each generator: see `compact.CompactGenerator`.
 
-        Raises `ValueError` for less than one member.
+        Raises `ValueError` for fewer than one member.
         """
         if members < 1:
             raise ValueError(f"members is {members}; give 1 or more")
@@ -77,22 +77,24 @@ class Ensemble(nn.Module):
 
 
 def _weigh(difference: Tensor) -> Tensor:
-    """A difference `(N, 3, H, W)` times its weight for back-projection (see `Ensemble`)."""
+    """Multiplies a difference `(N, 3, H, W)` by its weight for back-projection (see `Ensemble`)."""
     power = (difference / ROUNDING).square().mean(1, keepdim=True)
     around = functional.avg_pool2d(power, NEIGHBOURHOOD, 1, NEIGHBOURHOOD // 2, count_include_pad=False)
     return difference / (1 + around.square())
 
 
 def split_weights(found: Mapping[str, Tensor], members: int) -> dict[str, Tensor]:
-    """Makes an ensemble's weights out of one generator's plain ones, by name: without a limit it computes the mean of
-    what the generator makes of a picture that is turned by 0, 1, 2, ... quarters, turned back.
+    """Makes an ensemble's weights out of one generator's plain ones, by name.
+
+    Without a limit the ensemble computes the mean of the generator's results for the picture rotated by 0, 1, 2, ...
+    quarter turns, each rotated back.
     """
     made = {}
     for member in range(members):
         for name, weight in found.items():
             turned = weight.rot90(-member, (2, 3)) if weight.ndim == 4 else weight
             outputs = weight.shape[0] if weight.ndim else 0  # the file holds other constants too
-            side = math.isqrt(outputs // COLOURS)  # of the phases, which turn too
+            side = math.isqrt(outputs // COLOURS)  # of the phases, which rotate too
             if name.startswith("tail.") and outputs == COLOURS * side**2:
                 phases = turned.reshape(COLOURS, side, side, *weight.shape[1:])
                 turned = phases.rot90(-member, (1, 2)).reshape(weight.shape) / members
@@ -101,5 +103,5 @@ def split_weights(found: Mapping[str, Tensor], members: int) -> dict[str, Tensor
 
 
 def count_members(found: Mapping[str, Tensor]) -> int:
-    """How many generators these weights are of, by their names; 0 for those of no ensemble."""
+    """Counts the generators of an ensemble by the names of its weights; 0 if they are not those of an ensemble."""
     return len({name.split(".")[1] for name in found if name.startswith("members.")})

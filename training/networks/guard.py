@@ -1,7 +1,7 @@
-"""Limits what a generator adds to interpolation by what the picture holds there.
+"""Limits the change that a generator adds to interpolation by the contrast of the picture there.
 
-A flat neighbourhood gets nothing added, and a grey one no colour: flats are exact and grey pictures stay grey, in int8
-too, where a convolution of zeros is not quite zero.
+Nothing is added to a flat neighbourhood, and no colour to a grey one. So flat areas are exact and grey pictures stay
+grey, even in int8, where a convolution of zeros is not quite zero.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ COLOURS = 3
 
 
 def limit_change(change: Tensor, image: Tensor, more: Tensor | None = None) -> Tensor:
-    """Clamps `change`, `(N, 3 * phases, H, W)`, the phases of each colour one after the other, to what `image`,
-    `(N, 3, H, W)` RGB, holds in the neighbourhood of each pixel.
+    """Clamps `change`, `(N, 3 * phases, H, W)`, the phases of each colour one after the other, to the differences that
+    `image`, `(N, 3, H, W)` RGB, has in the neighbourhood of each pixel.
 
     The mean of the colours changes by no more than the largest difference in any colour, and each colour's difference
     from that mean also by no more than the largest difference between colours. `more`, `(N, 1, H, W)`, is added to the
-    largest difference: what other views hold there.
+    largest difference, for the detail of other views.
     """
     highest, lowest = _pool(image), -_pool(-image)
     room = _largest(highest - lowest)
@@ -44,7 +44,7 @@ def _pool(image: Tensor) -> Tensor:
 
 
 def _largest(image: Tensor) -> Tensor:
-    """The largest of three colours, `(N, 1, H, W)`."""
+    """Returns the largest of three colours, `(N, 1, H, W)`."""
     red, green, blue = image.chunk(COLOURS, 1)
     return torch.maximum(torch.maximum(red, green), blue)
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 class Bicubic(nn.Module):
     """Interpolation as one convolution: `(N, C, H, W)` -> `(N, C * scale^2, H, W)`, for PixelShuffle.
 
-    Sample k of `scale` lies (k + 1/2) / scale - 1/2 pixels from the pixel that it belongs to; at the border the
+    Sample k of `scale` lies (k + 1/2) / scale - 1/2 pixels from the pixel that it belongs to. At the border the
     outermost pixels are repeated.
     """
 
@@ -37,7 +37,7 @@ class Bicubic(nn.Module):
 
     def forward(self, image: Tensor) -> Tensor:
         """See the class."""
-        # In float32: with weights in bfloat16 flat areas would be off by 1/500.
+        # In float32, because flat areas would be off by 1/500 with weights in bfloat16.
         with torch.autocast(image.device.type, enabled=False):
             output: Tensor = self.convolution(functional.pad(image, (2, 2, 2, 2), mode="replicate"))
         return output
@@ -51,7 +51,7 @@ class SeparableBicubic(nn.Module):
         kernel = base.convolution.weight.detach()  # (C * scale^2, 1, 5, 5), taps along y times taps along x
         colours = base.convolution.groups
         scale = math.isqrt(len(kernel) // colours)
-        taps = kernel[: scale**2 : scale, 0].sum(2)  # (scale, 5): those along x add up to 1
+        taps = kernel[: scale**2 : scale, 0].sum(2)  # (scale, 5); those along x sum to 1
         self.down = nn.Conv2d(colours, colours * scale, (5, 1), groups=colours, bias=False)
         self.across = nn.Conv2d(colours * scale, colours * scale**2, (1, 5), groups=colours * scale, bias=False)
         for convolution, weight, groups in (
@@ -67,8 +67,9 @@ class SeparableBicubic(nn.Module):
 
 
 class BicubicReduction(nn.Module):
-    """What bicubic reduction with antialiasing (MATLAB's `imresize`) makes of the picture that PixelShuffle would make:
-    `(N, C * scale^2, H, W)` -> `(N, C, H, W)`. At the border the outermost pixels are repeated, all phases of them.
+    """Bicubic reduction with antialiasing (MATLAB's `imresize`) of the picture that PixelShuffle would make.
+
+    `(N, C * scale^2, H, W)` -> `(N, C, H, W)`. At the border the outermost pixels are repeated with all their phases.
     """
 
     def __init__(self, scale: int, colours: int = 3) -> None:
@@ -87,7 +88,7 @@ class BicubicReduction(nn.Module):
 
     def forward(self, phases: Tensor) -> Tensor:
         """See the class."""
-        # In float32, as `Bicubic`.
+        # In float32, for the same reason as in `Bicubic`.
         with torch.autocast(phases.device.type, enabled=False):
             padded = functional.pad(phases, (2, 2, 2, 2), mode="replicate")
             output: Tensor = self.across(self.down(padded))

@@ -1,7 +1,7 @@
 """Our light-field generator: a single-picture generator with the detail that neighbouring views add as further input.
 
-A plane sweep (`plane_sweep`) combines the views into a fine picture for each disparity. Convolutions select a plane for
-each pixel, or none; its fine picture replaces the interpolated base and is an input of the single-picture generator.
+A plane sweep (`plane_sweep`) combines the views into a fine picture for each disparity. Convolutions select a plane, or
+none, for each pixel. Its fine picture replaces the interpolated base and is an input of the single-picture generator.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ if TYPE_CHECKING:
 SHARPNESS = 60.0
 """Initial penalty of a plane for each unit of standard deviation between the views."""
 NO_PLANE = 0.15
-"""Standard deviation above which initially no plane is selected. At 0.03 training hardly used the other views."""
+"""Standard deviation above which no plane is selected initially. With 0.03, training hardly used the other views."""
 PATCH = 5
 """Side of the square over which disagreement is averaged."""
 FLAT = 0.02
-"""Contrast below which uncertainty is not measured: the picture is flat."""
+"""Contrast below which the picture counts as flat and uncertainty is not measured."""
 DESCRIBED = 6
-"""Numbers that describe a window."""
+"""Number of values that describe a window."""
 CHOSEN = 5
 """Channels of the selected plane: four phases, and the deviation of the views."""
 FACTORS = (2.0, 4.0)
-"""By which differences of luma and standard deviations are multiplied: they are small compared with colours."""
+"""Factors on differences of luma and on standard deviations, which are small compared with colours."""
 
 
 class LightFieldGenerator(nn.Module):
-    """Upscales one view of a light field by 2 with the views around it.
+    """Upscales one view of a light field by 2 with the help of its neighbouring views.
 
     `image`: the view, RGB in [0, 1], `(N, 3, H, W)`. `around`: luma (BT.601, full range) of a window of 5x5 views, row
     by row, with the view itself anywhere in it, `(N, 25, H, W)`. `down` and `across`: the filters of its rows and
-    columns, `(planes, 3, 5, taps)` each, which ignore the last ones where the grid has fewer than 5; `window`: `(6,)`,
-    see `models.light_field.planes`.
+    columns, `(planes, 3, 5, taps)` each. They ignore the last ones if the grid has fewer than 5. `window`: `(6,)`.
+    For these three see `models.light_field.planes`.
 
     Content moves by `disparity * offset` pixels towards larger coordinates from `image` to a view. Returns RGB,
     nominally in [0, 1], `(N, 3, 2*H, 2*W)`.
@@ -61,14 +61,14 @@ class LightFieldGenerator(nn.Module):
         *,
         guard: bool = False,
     ) -> None:
-        """`widths`, `slope`, `guard`: of the single-picture generator. `width`, `depth`: channels, and layers after the
-        first, of what chooses a plane. Its last layer has 5 channels fewer: those of the selected plane. `planes`: how
-        many disparities are tried.
+        """`widths`, `slope`, `guard`: options of the single-picture generator. `width`, `depth`: channels, and layers
+        after the first, of the part that chooses a plane. Its last layer has 5 channels fewer, which are those of the
+        selected plane. `planes`: the number of disparities that are tried.
         """
         super().__init__()
         self.scale = 2
         self.single = CompactGenerator(widths, self.scale, slope, guard=guard)
-        """May start from a trained one: see `training.loop.run.Run.start_from`."""
+        """The single-picture generator. It may start from a trained one: see `training.loop.run.Run.start_from`."""
         self.planes = planes
         self.sweep = PlaneSweep()
         self.compare = nn.Sequential(CollapsibleConv(5 * planes + 3 + DESCRIBED, width), nn.ReLU())
@@ -80,7 +80,7 @@ class LightFieldGenerator(nn.Module):
         self.inform = CollapsibleConv(width, widths[1], gain=0.3)
         self.factors = FACTORS
         self.merged: nn.Conv2d | None = None
-        """`inform` and the single-picture generator's second layer as one, as exported: see `merge_layers`."""
+        """`inform` and the single-picture generator's second layer, merged for the export: see `merge_layers`."""
         self.register_buffer("luma", torch.tensor(LUMA)[None, :, None, None], persistent=False)
 
     def forward(self, image: Tensor, around: Tensor, down: Tensor, across: Tensor, window: Tensor) -> Tensor:
@@ -90,9 +90,9 @@ class LightFieldGenerator(nn.Module):
     def forward_with_uncertainty(
         self, image: Tensor, around: Tensor, down: Tensor, across: Tensor, window: Tensor
     ) -> tuple[Tensor, Tensor]:
-        """Returns what `forward` returns, and the uncertainty `(N, 1, H, W)`: the deviation of the views at the best
-        plane over the contrast of the view. Low where they show the same scene or the picture is flat, 1 and more where
-        they don't or show noise.
+        """Returns the result of `forward`, and the uncertainty `(N, 1, H, W)`: the deviation of the views at the best
+        plane divided by the contrast of the view. It is low where they show the same scene or the picture is flat, and
+        1 or more where they show different scenes or noise.
         """
         with torch.autocast(image.device.type, enabled=False):  # differences of squares, and the picture itself
             fine, spread = self.sweep(around, down, across)
@@ -113,7 +113,7 @@ class LightFieldGenerator(nn.Module):
         ]
         compared = self.compare(torch.cat(shown, 1))
         likely = self.choose(compared).float() - against
-        # Softmax by hand: onnxruntime would transpose the tensor for its own.
+        # Softmax by hand, because onnxruntime's own would transpose the tensor.
         likely = (likely - likely.amax(1, keepdim=True)).exp()
         chosen = likely / _sum_channels(likely)  # (N, planes + 1, H, W)
         planes, none = chosen[:, :-1], chosen[:, -1:]
@@ -136,8 +136,8 @@ class LightFieldGenerator(nn.Module):
 
 
 def _measure_uncertainty(fine: Tensor, spread: Tensor, own: Tensor) -> Tensor:
-    """Uncertainty from the views' mean less the view `(N, planes, 4, H, W)`, their spread `(N, planes, H, W)` and the
-    view's luma `(N, 1, H, W)`.
+    """Measures uncertainty from the views' mean minus the view `(N, planes, 4, H, W)`, their spread `(N, planes, H, W)`
+    and the view's luma `(N, 1, H, W)`.
     """
     apart = (spread.square() + fine.mean(2).square()).sqrt()
     apart = _blur(apart).amin(1, keepdim=True)
@@ -165,8 +165,8 @@ class WithUncertainty(nn.Module):
 
 
 def _sum_channels(x: Tensor) -> Tensor:
-    """Sums over axis 1, which stays, by a matrix product: the order of onnxruntime's own sum depends on the numbers of
-    pictures and threads, so that results would depend on the batch."""
+    """Sums over axis 1, which is kept, by a matrix product. The order of onnxruntime's own sum depends on the numbers
+    of pictures and threads, so results would depend on the batch."""
     ones = x.new_ones(1, x.shape[1])
     return (ones @ x.flatten(2)).reshape(len(x), 1, *x.shape[2:])
 
@@ -190,7 +190,7 @@ def fold_factors(network: LightFieldGenerator) -> None:
 
 @torch.no_grad()
 def merge_layers(network: LightFieldGenerator) -> None:
-    """Merges two added convolutions of a collapsed network in place: faster, and in int8 rounded once."""
+    """Merges two added convolutions of a collapsed network in place, which is faster and rounds only once in int8."""
     second, inform = (cast("nn.Conv2d", layer) for layer in (network.single.body[2], network.inform))
     both = torch.cat([second.weight, inform.weight], 1)
     network.merged = nn.Conv2d(both.shape[1], both.shape[0], kernel_size=3, padding=1)

@@ -17,7 +17,7 @@ SLOPE = 0.2
 
 
 def conv3x3(inputs: int, outputs: int) -> nn.Conv2d:
-    """A 3x3 convolution, stride 1, zero padding 1: the size stays."""
+    """Makes a 3x3 convolution with stride 1 and zero padding 1, which keeps the size."""
     return nn.Conv2d(inputs, outputs, kernel_size=3, padding=1)
 
 
@@ -27,7 +27,7 @@ def _body_convolution(channels: int, batch_norm: bool) -> nn.Module:
 
 
 class ResidualBlock(nn.Module):
-    """`x + conv(LeakyReLU(conv(x)))` on `(N, C, H, W)`; with batch normalisation, after each convolution."""
+    """`x + conv(LeakyReLU(conv(x)))` on `(N, C, H, W)`, optionally with batch normalisation after each convolution."""
 
     def __init__(self, channels: int, *, batch_norm: bool = False) -> None:
         super().__init__()
@@ -36,7 +36,7 @@ class ResidualBlock(nn.Module):
         self.second = _body_convolution(channels, batch_norm)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Same shape."""
+        """See the class. The shape stays the same."""
         change: Tensor = self.second(self.activation(self.first(x)))
         return x + change
 
@@ -72,7 +72,7 @@ class LiteGenerator(nn.Module):
             self._shrink()
 
     def _shrink(self) -> None:
-        """Keeps activations from growing: a tenth of He's initial weights in the last convolution of each block."""
+        """Keeps activations from growing: the last convolution of each block gets a tenth of He's initial weights."""
         for block in self.blocks:
             with torch.no_grad():
                 block.second.weight.mul_(0.1)  # type: ignore[union-attr, operator]

@@ -1,4 +1,4 @@
-"""Rounding of activations and weights during training, as by int8 networks, so that they learn to do with it.
+"""Rounding of activations and weights during training as in int8 networks, so that networks learn to cope with it.
 
 Gradients pass as if nothing were rounded (Jacob et al., CVPR 2018).
 """
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 LEVELS = 255
-"""Steps of an activation's grid, which begins at zero."""
+"""Number of steps of an activation's grid, which begins at zero."""
 LARGEST = 127
-"""Largest code of a weight."""
+"""The largest code of a weight."""
 
 
 class RoundedReLU(nn.ReLU):
@@ -28,7 +28,7 @@ class RoundedReLU(nn.ReLU):
 
 
 def round_activations(x: Tensor) -> Tensor:
-    """Rounds values of at least zero to the levels of one grid, which ends at the largest of them."""
+    """Rounds values of at least zero to the levels of one grid that ends at the largest of them."""
     values = x.float()
     step = values.detach().amax().clamp(min=1e-6) / LEVELS
     return _pass_gradient(values, (values / step).round() * step).to(x.dtype)

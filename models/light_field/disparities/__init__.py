@@ -1,1 +1,1 @@
-"""The disparities of a view: whole pixels by which views are shifted, and the range of what is left."""
+"""The disparities of a view: whole pixels by which other views are shifted, and the range of what remains."""

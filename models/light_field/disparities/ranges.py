@@ -1,7 +1,8 @@
 """Ranges of the disparities in a light field's views, over which a network's planes are spread.
 
-A range is that of the textured tiles of a view, each compared with the view's direct neighbours to a fraction of a
-pixel by least squares on its gradient (Lucas and Kanade, IJCAI 1981), from the best of three whole disparities.
+The range is measured on the textured tiles of a view. Each is compared with the view's direct neighbours, starting from
+the best of three whole disparities and refined to a fraction of a pixel by least squares on its gradient (Lucas and
+Kanade, IJCAI 1981).
 """
 
 from __future__ import annotations
@@ -24,45 +25,45 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float32]
 
 UNKNOWN = Range(-1.0, 1.0)
-"""The range where it can't be measured."""
+"""The range that is used if it can't be measured."""
 FARTHEST = 1.5
-"""Largest disparity, to either side, of views that needn't be shifted."""
+"""Largest disparity, in either direction, of views that don't need to be shifted."""
 MOST_TILES = 400
-"""Tiles that are compared, of more."""
+"""Most tiles of a view that are compared."""
 TILES_AT_ONCE = 2000
-"""Tiles of several views that are compared at once."""
+"""Most tiles, of several views together, that are compared at once."""
 SPREAD = (0.7548776662466927, 0.5698402909980532)
-"""Steps of a sequence of rows and columns that fills a square evenly (Roberts 2018: 1 over the plastic number, and its
-square)."""
+"""Steps of a sequence of rows and columns that fills a square evenly (Roberts 2018: 1 over the plastic number, and the
+square of that)."""
 LEAST_TILES = 8
-"""Tiles with a precise disparity from which a range is measured."""
+"""Fewest tiles with a precise disparity from which a range is measured."""
 WHOLE = (-1, 0, 1)
-"""Disparities, besides a tile's shift, that are refined."""
+"""The disparities, relative to a tile's shift, that are refined."""
 REFINED = 0.75
 """Largest refinement, pixels."""
 PRECISION = 0.06
 """Largest standard error of a tile's disparity, pixels. Views of noise have 0.1 and more."""
 TEXTURE = 0.004
-"""Least gradient of a tile, root mean square, in luma of [0, 1] for each pixel."""
+"""Smallest gradient of a tile, root mean square, in luma of [0, 1] for each pixel."""
 SHARE = 0.02
-"""Share of the tiles that may lie beyond each end of a range: outlines and reflections move in other ways."""
+"""The share of the tiles that may lie beyond each end of a range, because outlines and reflections move differently."""
 MARGIN, MARGIN_SHARE = 0.06, 0.05
-"""Added to each end of a range: pixels, and a share of its width."""
+"""The margin at each end of a range: pixels, plus a share of its width."""
 INNER = 2
-"""Pixels around a tile that its gradient needs."""
+"""Pixels on each side of a tile that its gradient needs."""
 
 
 class _Fit(NamedTuple):
-    """Sums over tiles, of which the disparity with the least squared difference follows."""
+    """Sums over tiles, which determine the disparity with the least squared difference."""
 
     squares: Floats
-    """Of the gradient, `(n,)`."""
+    """Sums of the squared gradient, `(n,)`."""
     along: Floats
-    """Of the gradient times the difference between views, for each of `WHOLE`, `(3, n)`."""
+    """Sums of the gradient times the difference between views, for each of `WHOLE`, `(3, n)`."""
     differences: Floats
-    """Of the squared difference, `(3, n)`."""
+    """Sums of the squared difference, `(3, n)`."""
     pixels: int
-    """In each sum."""
+    """The number of pixels in each sum."""
 
 
 def measure_ranges(
@@ -71,11 +72,11 @@ def measure_ranges(
     grid: tuple[int, int],
     shifts: Sequence[NDArray[np.int64]],
 ) -> list[Range]:
-    """For each view of `wanted` the range of the disparities of its tiles less their `shifts`, `(R, C)` each of
-    `models.light_field.disparities.shifts.measure_shifts`, in a grid of `grid` views. `lumas`: as there.
+    """Measures, for each view of `wanted` in a grid of `grid` views, the range of its tiles' disparities minus their
+    `shifts`. These, `(R, C)` each, and `lumas` are as for `models.light_field.disparities.shifts.measure_shifts`.
 
-    `UNKNOWN` where too few tiles have texture, or views don't match. Only the direct neighbours, up to four, are
-    compared: content moves by the disparity towards larger coordinates from one view to the next. A view's range
+    The range is `UNKNOWN` if too few tiles have texture, or views don't match. Only the direct neighbours, up to four,
+    are compared. From one view to the next, content moves by the disparity towards larger coordinates. A view's range
     doesn't depend on which others are wanted.
     """
     if shifts[0].size < LEAST_TILES:
@@ -90,7 +91,7 @@ def measure_ranges(
 
 
 def _select_tiles(down: int, across: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and columns of up to `MOST_TILES` of `down x across` tiles, spread evenly, not in lines."""
+    """Returns rows and columns of up to `MOST_TILES` of `down x across` tiles, spread evenly but not in lines."""
     if down * across <= MOST_TILES:
         rows, cols = np.indices((down, across)).reshape(2, -1)
         return rows, cols
@@ -106,8 +107,8 @@ def estimate_tiles(
     tiles: NDArray[np.int64],
     shifts: Sequence[NDArray[np.int64]],
 ) -> Iterator[Floats]:
-    """For each view of a `group` of `group_by_neighbours` the disparities less its `shifts` `(n,)` of those `tiles`
-    `(2, n)`, rows and columns, that have a precise one.
+    """Yields, for each view of a `group` of `group_by_neighbours`, the disparities minus its `shifts` `(n,)` of those
+    `tiles` `(2, n)`, rows and columns, whose disparity is precise.
     """
     fit = _compare_tiles(lumas, group, grid, tiles * SHIFT_TILE, np.concatenate(shifts))
     squares = np.maximum(fit.squares, np.finfo(np.float32).tiny)
@@ -129,8 +130,8 @@ def _compare_tiles(
     corners: NDArray[np.int64],
     shifts: NDArray[np.int64],
 ) -> _Fit:
-    """Compares the tiles at `corners` `(2, n)` of each view of a group with the direct neighbours, moved back by the
-    `shifts` `(len(group)*n,)` and `WHOLE`.
+    """Compares the tiles at `corners` `(2, n)` of each view of a group with its direct neighbours, moved back by the
+    `shifts` `(len(group)*n,)` and by each of `WHOLE`.
     """
     corners = np.tile(corners, len(group))
     own = _cut_tiles([lumas[view] for view in group], corners - INNER, (SHIFT_TILE + 2 * INNER,) * 2)
@@ -157,20 +158,20 @@ def _compare_tiles(
 
 
 def _measure_slope(tiles: Floats) -> Floats:
-    """The gradient along axis 1 of tiles `(n, side + 2*INNER, side)`, by differences of fourth order: those of second
-    order are too small for fine texture, and disparities then too large."""
+    """Returns the gradient along axis 1 of tiles `(n, side + 2*INNER, side)`, by differences of fourth order. Those of
+    second order are too small for fine texture, which makes disparities too large."""
     near, far = tiles[:, 3:-1] - tiles[:, 1:-3], tiles[:, 4:] - tiles[:, :-4]
     return np.asarray(near * np.float32(2 / 3) - far * np.float32(1 / 12))
 
 
 def _sum_products(one: Floats, other: Floats) -> Floats:
-    """`(n, h, w)` times another, summed: `(n,)`."""
+    """Multiplies two arrays `(n, h, w)` and sums over the tiles: `(n,)`."""
     return np.asarray(np.einsum("nij,nij->n", one, other))
 
 
 def _cut_tiles(lumas: Sequence[Plane], corners: NDArray[np.int64], sides: tuple[int, int]) -> Floats:
-    """Tiles of `sides` at `corners` `(2, n)`: `(n, h, w)`. The first `n / len(lumas)` are of the first of `lumas`
-    `(H, W)`, and so on. Beyond a view its edge pixels are repeated.
+    """Cuts tiles of `sides` at `corners` `(2, n)`: `(n, h, w)`. The first `n / len(lumas)` are cut from the first of
+    `lumas` `(H, W)`, and so on. Beyond a view its edge pixels are repeated.
     """
     height, width = lumas[0].shape
     rows, cols = (
@@ -182,7 +183,7 @@ def _cut_tiles(lumas: Sequence[Plane], corners: NDArray[np.int64], sides: tuple[
 
 
 def _enclose(disparities: Floats) -> Range:
-    """The range of all but the outer disparities, with a margin."""
+    """Returns the range of all disparities except the outermost, with a margin."""
     low, high = np.quantile(disparities, [SHARE, 1 - SHARE])
     margin = MARGIN + MARGIN_SHARE * (high - low)
     return Range(float(low - margin), float(high + margin)).round_outwards()

@@ -1,6 +1,6 @@
 """Whole-pixel disparities in a light field, by which views are shifted before a network searches for the rest.
 
-Each tile of a view has its own shift, a multiple of `SHIFT_STEP`: content at other depths moves differently.
+Each tile of a view has its own shift, a multiple of `SHIFT_STEP`, because content at other depths moves differently.
 """
 
 from __future__ import annotations
@@ -29,35 +29,35 @@ Value = TypeVar("Value", np.float32, np.bool_)
 MAXIMUM_DISPARITY = 12
 """Largest whole disparity that is searched for, pixels from one view to the next."""
 UNSHIFTED_DISPARITY = 1
-"""Up to this views are not shifted: networks find the rest themselves."""
+"""Up to this disparity views are not shifted, because networks find it themselves."""
 SHIFT_STEP = 3
-"""Shifts are multiples of this, so that at most one pixel of the disparity is left to the network, and a scene has few
-different shifts: each is a run of the network."""
+"""Shifts are multiples of this, so that at most one pixel of the disparity is left to the network and a scene has few
+different shifts, each of which costs a run of the network."""
 MAXIMUM_RATIO = 0.8
-"""A shift is used where it reduces the difference between views to at most this share."""
+"""A shift is used if it reduces the difference between views to at most this share."""
 SHIFT_TILE = 8
-"""Pixels along each side of the tiles that each have one shift."""
+"""Pixels along each side of a tile, which has one shift."""
 SAMPLED_ROWS = 4
-"""One of so many rows of a view is compared."""
+"""One in this many rows of a view is compared."""
 MINIMUM_TILES = 6
-"""Fewest tiles of a view that a shift is used for: fewer are seldom right, and a run of the network costs more."""
+"""Fewest tiles of a view for which a shift is used. Fewer are seldom right, and a run of the network costs more."""
 OWN_VOTES = 2
-"""Votes of a tile for its own shift, where each of the 8 tiles around it has one."""
+"""A tile's votes for its own shift; each of the 8 surrounding tiles has one vote."""
 STRIP_VALUES = 1 << 20
-"""Differences that are held at once."""
+"""Most differences that are held at once."""
 NEIGHBOURS = ((0, 1), (1, 0), (0, -1), (-1, 0))
 
 
 def measure_shifts(
     lumas: Mapping[View, Plane], wanted: Sequence[View], grid: tuple[int, int]
 ) -> list[NDArray[np.int64]]:
-    """The shift for each tile of each view of `wanted` in a grid of `grid` views, `(ceil(H / SHIFT_TILE),
+    """Measures the shift of each tile of each view of `wanted` in a grid of `grid` views, `(ceil(H / SHIFT_TILE),
     ceil(W / SHIFT_TILE))`. `lumas`: luma in [0, 1], `(H, W)`, of at least those views and their direct neighbours. A
     view's shifts don't depend on which others are wanted.
 
     A shift is the number of whole pixels by which content moves from one view to the next, rounded to a multiple of
-    `SHIFT_STEP`; 0 where it is small or unclear. A shear of the light field removes it (Ng, SIGGRAPH 2005, equation
-    4.2). Only the direct neighbours, up to four, are compared.
+    `SHIFT_STEP`. It is 0 where that number is small or unclear. A shear of the light field removes it (Ng, SIGGRAPH
+    2005, equation 4.2). Only the direct neighbours, up to four, are compared.
     """
     height, width = lumas[wanted[0]].shape
     largest = min(MAXIMUM_DISPARITY, (min(height, width) - 1) // 4)
@@ -73,7 +73,7 @@ def measure_shifts(
 
 
 def group_by_neighbours(wanted: Sequence[View], grid: tuple[int, int], most: int) -> Iterator[list[View]]:
-    """Groups of up to `most` of the views `wanted` whose direct neighbours are in the same directions."""
+    """Yields groups of up to `most` of the views `wanted` whose direct neighbours are in the same directions."""
     alike: dict[tuple[View, ...], list[View]] = {}
     for view in wanted:
         alike.setdefault(tuple(list_neighbours([view], grid)), []).append(view)
@@ -83,7 +83,7 @@ def group_by_neighbours(wanted: Sequence[View], grid: tuple[int, int], most: int
 
 
 def list_neighbours(group: Sequence[View], grid: tuple[int, int]) -> dict[View, list[View]]:
-    """The direct neighbours in a grid of `grid` views of those of a `group` of `group_by_neighbours`, by direction."""
+    """Lists, by direction, the direct neighbours of a `group` of `group_by_neighbours` in a grid of `grid` views."""
     found = {}
     for down, right in NEIGHBOURS:
         v, u = group[0][0] + down, group[0][1] + right
@@ -93,8 +93,8 @@ def list_neighbours(group: Sequence[View], grid: tuple[int, int]) -> dict[View, 
 
 
 def _choose_shifts(costs: NDArray[np.int32], largest: int) -> Iterator[NDArray[np.int64]]:
-    """From the blurred costs `(n, 2*largest + 1, R, C)` the shifts `(R, C)` of each view."""
-    order = np.array(sorted(range(-largest, largest + 1), key=abs))  # of equal ones the smallest is taken
+    """Yields the shifts `(R, C)` of each view, from the blurred costs `(n, 2*largest + 1, R, C)`."""
+    order = np.array(sorted(range(-largest, largest + 1), key=abs))  # if costs are equal, the smallest is chosen
     best = order[costs[:, order + largest].argmin(axis=1)]
     near = costs[:, largest - UNSHIFTED_DISPARITY : largest + UNSHIFTED_DISPARITY + 1].min(axis=1)
     pays = (np.abs(best) > UNSHIFTED_DISPARITY) & (costs.min(axis=1) < MAXIMUM_RATIO * near)
@@ -106,12 +106,12 @@ def _choose_shifts(costs: NDArray[np.int32], largest: int) -> Iterator[NDArray[n
 
 
 def make_no_shifts(height: int, width: int) -> NDArray[np.int64]:
-    """Shifts of 0, as of `measure_shifts`, for the tiles of a view of so many pixels."""
+    """Returns shifts of 0, in the shape of `measure_shifts`, for the tiles of a view of `height x width` pixels."""
     return np.zeros((-(-height // SHIFT_TILE), -(-width // SHIFT_TILE)), np.int64)
 
 
 def select_shifted(shifts: NDArray[np.int64], shift: int, part: Span) -> NDArray[np.bool_]:
-    """`(h, w)`: where in a part of a view its tiles have one of their `shifts`."""
+    """Returns a mask `(h, w)` that is true where the tiles of a part of a view have the shift `shift`."""
     rows, cols = (np.arange(side.start, side.stop) // SHIFT_TILE for side in part)
     return np.asarray((shifts == shift)[rows[:, None], cols])
 
@@ -119,10 +119,11 @@ def select_shifted(shifts: NDArray[np.int64], shift: int, part: Span) -> NDArray
 def _compare_tiles(
     pictures: NDArray[np.uint8], neighbours: Mapping[View, NDArray[np.uint8]], largest: int
 ) -> NDArray[np.uint16]:
-    """Sums of absolute differences between views and their neighbours by direction, all luma in levels `(n, H, W)`,
-    moved back by -largest to largest pixels, by tile: `(n, 2*largest + 1, rows of tiles, columns of tiles)`.
+    """Sums absolute differences over each tile: `(n, 2*largest + 1, rows of tiles, columns of tiles)`.
 
-    They are sums of whole levels and so don't depend on their order.
+    `pictures` are views and `neighbours` their neighbours by direction, all as luma in levels `(n, H, W)`. The
+    neighbours are moved back by -largest to largest pixels. The sums are of whole levels and so don't depend on their
+    order.
     """
     views, height, width = pictures.shape
     down, across, count = -(-height // SHIFT_TILE), -(-width // SHIFT_TILE), 2 * largest + 1
@@ -152,15 +153,15 @@ def _compare_tiles(
 
 
 def _move(rows: NDArray[np.int64], by: int, height: int) -> NDArray[np.int64]:
-    """Rows moved by `-by` to `by`, `(n, 2*abs(by) + 1)`; not moved where they would leave `height` pixels, so that
-    nothing beyond a view speaks for a shift.
+    """Moves rows by `-by` to `by`, `(n, 2*abs(by) + 1)`. Those that would leave `height` pixels are not moved, so that
+    nothing beyond a view counts in favour of a shift.
     """
     moved = rows[:, None] + np.arange(-abs(by), abs(by) + 1) * (1 if by > 0 else -1)
     return np.where((moved >= 0) & (moved < height), moved, rows[:, None])
 
 
 def _move_columns(levels: NDArray[np.uint8], by: int) -> NDArray[np.uint8]:
-    """The columns of `(..., W)` moved as `_move` does rows, `(..., 2*abs(by) + 1, W)`."""
+    """Moves the columns of `(..., W)` as `_move` moves rows: `(..., 2*abs(by) + 1, W)`."""
     most, width = abs(by), levels.shape[-1]
     padded = np.zeros((*levels.shape[:-1], width + 2 * most), np.uint8)
     padded[..., most:-most] = levels
@@ -172,12 +173,14 @@ def _move_columns(levels: NDArray[np.uint8], by: int) -> NDArray[np.uint8]:
 
 
 def _round_lumas(lumas: Sequence[Plane]) -> NDArray[np.uint8]:
-    """Luma in [0, 1] to whole 8-bit levels, `(n, H, W)`."""
+    """Rounds luma in [0, 1] to whole 8-bit levels, `(n, H, W)`."""
     return (np.stack(lumas) * np.float32(255) + np.float32(0.5)).astype(np.uint8)
 
 
 def _blur_tiles(cost: NDArray[np.uint16]) -> NDArray[np.int32]:
-    """`(..., R, C)` with a half of the tiles to each side added along rows and columns, times four."""
+    """Adds half of the tiles on each side to each tile of `(..., R, C)`, along rows and columns. The result is four
+    times as large.
+    """
     blurred = cost.astype(np.int32)
     for axis in (-2, -1):
         near = np.moveaxis(blurred, axis, 0)
@@ -189,8 +192,8 @@ def _blur_tiles(cost: NDArray[np.uint16]) -> NDArray[np.int32]:
 
 
 def _vote(shifts: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Each tile's shift `(R, C)` replaced by the most frequent of it and the tiles around it."""
-    present = np.array(sorted(set(shifts.ravel().tolist())))  # not by np.unique, which imports np.ma
+    """Replaces each tile's shift `(R, C)` by the most frequent one among it and the surrounding tiles."""
+    present = np.array(sorted(set(shifts.ravel().tolist())))  # not with np.unique, which imports np.ma
     if len(present) == 1:
         return shifts
     is_own = shifts == present[:, None, None]
@@ -202,7 +205,7 @@ def _vote(shifts: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _add_beside(tiles: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Adds to each of `tiles` those before and behind it along the first axis; returns what they were."""
+    """Adds to each of `tiles` its two neighbours along the first axis, in place. Returns the original values."""
     own = tiles.copy("K")  # not transposed in memory
     tiles[1:] += own[:-1]
     tiles[:-1] += own[1:]
@@ -210,15 +213,15 @@ def _add_beside(tiles: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def crop_luma(picture: Pixels, part: Span | None = None, shift: int = 0) -> Plane:
-    """Luma in [0, 1] of a picture `(H, W, C)`, or of a part of it as `crop_with_margin` takes it."""
+    """Returns luma in [0, 1] of a picture `(H, W, C)`, or of a part of it, cropped as by `crop_with_margin`."""
     picture = picture if part is None else crop_with_margin(picture, part, shift)
     luma = compute_luma(picture, np.iinfo(picture.dtype).max)
     return np.minimum(luma, 1, out=luma)
 
 
 def crop_with_margin(picture: Pixels, part: Span, shift: int) -> Pixels:
-    """A part of a picture `(H, W, C)` with the margin that a shift of `shift` pixels per view can move it by; beyond
-    the picture its edge pixels are repeated.
+    """Crops a part of a picture `(H, W, C)` with the margin that a shift of `shift` pixels per view can move it by.
+    Beyond the picture its edge pixels are repeated.
     """
     if not shift:
         return picture[part]
@@ -232,7 +235,7 @@ def crop_with_margin(picture: Pixels, part: Span, shift: int) -> Pixels:
 
 
 def shift_part(plane: NDArray[Value], shift: int, offset: tuple[int, int]) -> NDArray[Value]:
-    """A part `(H, W)` without its margin, shifted by `shift` pixels for each view of its `offset` (down, right)."""
+    """Shifts a part `(H, W)` by `shift` pixels for each view of its `offset` (down, right), and removes its margin."""
     margin = abs(shift) * (WINDOW_SIDE - 1)
     rows, cols = (
         slice(margin + shift * step, length - margin + shift * step)
@@ -242,5 +245,5 @@ def shift_part(plane: NDArray[Value], shift: int, offset: tuple[int, int]) -> ND
 
 
 def convert_to_float(picture: Pixels) -> NDArray[np.float32]:
-    """The picture's values in [0, 1]."""
+    """Converts the picture's values to [0, 1]."""
     return picture.astype(np.float32) / np.float32(np.iinfo(picture.dtype).max)

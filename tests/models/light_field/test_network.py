@@ -172,7 +172,7 @@ def test_any_grid(name):
     ("corrupt", "message"),
     [
         (lambda a: a[:, :24], r"give float32 of \(1, 25, 9, 8\)"),
-        (lambda a: a.astype(np.float64), "views around of float64"),
+        (lambda a: a.astype(np.float64), "neighbouring views of float64"),
         (lambda a: a + 0.5, r"out of range; give them in \[0, 1\]"),
         (lambda a: a * np.float32("nan"), "not finite"),
     ],

@@ -99,7 +99,7 @@ def test_the_network_gets_the_range_that_is_measured_or_given(monkeypatch):
 @pytest.mark.parametrize(
     ("other", "message"),
     [
-        (np.zeros((3, 5, 3), np.uint8), r"view 0,1: \(3, 5, 3\) of uint8, where view 0,0 is \(3, 4, 3\)"),
+        (np.zeros((3, 5, 3), np.uint8), r"view 0,1: \(3, 5, 3\) of uint8, but view 0,0 is \(3, 4, 3\)"),
         (np.zeros((3, 4, 3), np.uint16), "give views of one size and depth"),
     ],
 )

@@ -5,7 +5,7 @@ import pytest
 
 @pytest.fixture(scope="module")
 def workers_in_this_process():
-    """Workers as threads of this process start at once."""
+    """Runs workers as threads of this process, which start immediately."""
     from distributed import Client, LocalCluster
 
     from ciir import cores
@@ -23,5 +23,5 @@ def workers_in_this_process():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(engines, "open_local", open_threads)
-        patch.setattr(cores, "most_cores", None)  # which a worker sets for its process
+        patch.setattr(cores, "most_cores", None)  # a worker sets it for its process
         yield

@@ -1,4 +1,4 @@
-"""Fixtures of all tests of jobs."""
+"""Fixtures for all tests of jobs."""
 
 import shutil
 

@@ -1,4 +1,4 @@
-"""Fixtures of the tests of the pipeline."""
+"""Fixtures for the tests of the pipeline."""
 
 import pytest
 
@@ -14,7 +14,7 @@ def cube():
 
 @pytest.fixture
 def instant(monkeypatch):
-    """Jobs cost nothing beside their stages."""
+    """Makes jobs cost nothing besides their stages."""
     monkeypatch.setattr(cost, "JOB_MS", 0.0)
     monkeypatch.setattr(cost, "WRITE_MS", 0.0)
     monkeypatch.setattr(cost, "count_available_cores", lambda: 2)

@@ -12,7 +12,7 @@ def client(tmp_path_factory):
 
 @pytest.fixture
 def own(tmp_path):
-    """The client of a server that no other test uses."""
+    """Yields the client of a server that no other test uses."""
     with run_app(tmp_path) as client:
         yield client
 

@@ -1,4 +1,4 @@
-"""A browser for the pages: the system's Chromium, which Playwright drives. Tests are skipped where there is none."""
+"""A browser for the pages: the system's Chromium, driven by Playwright. Tests are skipped if there is none."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ HOST = "https://page.test"
 EMPTY = '<!doctype html><title>page</title><link rel="stylesheet" href="/assets/viewer/viewer.css"><main></main>'
 WEBGL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 PAGE = ["--disable-gpu-compositing", "--in-process-gpu"]
-"""Chromium draws the page without WebGL, in a quarter less processor time."""
+"""Options with which Chromium draws the page without WebGL, in a quarter less processor time."""
 
 
 @contextmanager
 def open_browser() -> Iterator[Browser]:
-    """The browser, with WebGL in software."""
+    """Opens the browser, with WebGL in software."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
@@ -40,7 +40,7 @@ def open_browser() -> Iterator[Browser]:
 
 
 def read_canvas(page: Page) -> NDArray[np.uint8]:
-    """What the canvas shows, `(H, W, 3)`."""
+    """Reads the pixels that the canvas shows, `(H, W, 3)`."""
     address = page.evaluate("document.querySelector('canvas').toDataURL('image/png')")
     return decode(b64decode(address.split(",")[1]), name="canvas")[..., :3].astype(np.uint8)
 
@@ -48,7 +48,7 @@ def read_canvas(page: Page) -> NDArray[np.uint8]:
 def open_page(
     context: BrowserContext, address: str = "", content: str = EMPTY, answers: dict[str, bytes] | None = None
 ) -> tuple[Page, list[str]]:
-    """A page under the policy of ours, and a list of the errors in it; `answers`: of the server, by path."""
+    """Opens a page under our own policy. Returns it with a list of its errors. `answers`: the server's, by path."""
 
     def respond(route: Route) -> None:
         path = route.request.url.removeprefix(HOST).partition("?")[0]

@@ -1,4 +1,4 @@
-"""Whether all can use what the page shows: axe-core, focus by keyboard, and text that is twice as large."""
+"""Checks that everyone can use the page: axe-core, keyboard focus, and text at twice the size."""
 
 from __future__ import annotations
 
@@ -61,7 +61,9 @@ LAYOUT = """() => {
 
 
 def check_access(page: Page) -> None:
-    """Fails with what axe finds, light and dark, what no key reaches, what moves, and what larger text breaks."""
+    """Checks the page with axe, light and dark, for controls out of reach of the keyboard, for motion, and for layouts
+    that larger text breaks. Fails with everything that it finds.
+    """
     page.emulate_media(reduced_motion="reduce")
     found = {
         "light": run_axe(page),
@@ -76,14 +78,14 @@ def check_access(page: Page) -> None:
 
 
 def run_axe(page: Page, *rules: str) -> list[Any]:
-    """The rules of axe that the page breaks, with what breaks them; of all, or of the rules that are named."""
+    """Checks `rules` of axe, by default all. Returns those that the page breaks, with the elements that break them."""
     if not page.evaluate("'axe' in window"):
         page.evaluate(AXE)
     return page.evaluate(RUN, list(rules))  # type: ignore[no-any-return]
 
 
 def find_unreachable(page: Page) -> list[str]:
-    """Controls that the Tab key doesn't reach, and those of which one doesn't see that they have the focus."""
+    """Finds controls that the Tab key doesn't reach, and those whose focus is not visible."""
     wanted, found = set(page.evaluate(LIST)), []
     page.evaluate("document.activeElement.blur()")
     for _ in range(2 * len(wanted)):
@@ -97,7 +99,7 @@ def find_unreachable(page: Page) -> list[str]:
 
 
 def find_broken(page: Page, size: Any, percent: int = 100) -> list[str]:
-    """Texts and controls that are cut off or lie on others in a window of that size; a page that is too wide for it."""
+    """Finds texts and controls that are cut off or overlap in a window of this size, and a page too wide for it."""
     before = page.viewport_size
     page.set_viewport_size(size)
     devtools = page.context.new_cdp_session(page)

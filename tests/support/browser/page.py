@@ -1,4 +1,4 @@
-"""What one does on the web page: choosing and dropping files, settings, and waiting for a picture."""
+"""Actions on the web page: choosing and dropping files, changing settings, and waiting for a picture."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SMALL = "#scene=vase&lenses=20x30&pixels=5x5"
 
 
 def choose(page: Page, *files: tuple[str, bytes]) -> None:
-    """Chooses files, `(name, bytes)`."""
+    """Chooses files, given as `(name, bytes)`."""
     listed = [{"name": name, "mimeType": "", "buffer": data} for name, data in files]
     page.locator("#files").set_input_files(listed)
 
@@ -32,7 +32,7 @@ def drop(page: Page, *paths: Path) -> None:
 
 
 def wait_for_picture(page: Page, height: int, width: int) -> None:
-    """Waits until the page shows a picture of that size."""
+    """Waits until the page shows a picture of this size."""
     page.wait_for_function(
         "([h, w]) => { const found = document.querySelector('#frame img');"
         " return found && found.naturalHeight === h && found.naturalWidth === w; }",
@@ -46,13 +46,13 @@ def wait_for_rest(page: Page) -> None:
 
 
 def set_field(page: Page, name: str, value: str) -> None:
-    """Fills a setting in, and leaves it."""
+    """Fills in a setting, and moves on to the next one."""
     page.locator(f"#settings [name={name}]").fill(value)
     page.locator(f"#settings [name={name}]").press("Tab")
 
 
 def go_to(page: Page, address: str) -> None:
-    """Opens the page at what follows its path, such as `SMALL`."""
+    """Opens the page with a fragment in its address, such as `SMALL`."""
     page.goto(page.url.partition("#")[0] + address)
 
 
@@ -64,12 +64,12 @@ def open_scene(page: Page, lenses: str = "20x30") -> None:
 
 
 def choose_mode(page: Page, name: str) -> None:
-    """Chooses what is shown, such as `Look around`."""
+    """Chooses a display mode, such as `Look around`."""
     page.get_by_role("radio", name=name).check()
 
 
 def hold_posts(page: Page, path: str, *fields: str) -> None:
-    """Posts to `path` whose forms have all these fields wait for ever, until the route is removed."""
+    """Holds posts to `path` whose forms have all these fields, until the route is removed."""
 
     def hold(route: Route) -> None:
         if not all(f'name="{field}"' in (route.request.post_data or "") for field in fields):
@@ -79,6 +79,6 @@ def hold_posts(page: Page, path: str, *fields: str) -> None:
 
 
 def check_progress(page: Page) -> None:
-    """Waits until the progress and the button that cancels are in sight."""
+    """Waits until the progress and the cancel button are in sight."""
     for part in (page.locator("#progress-text"), page.get_by_role("button", name="Cancel")):
         expect(part).to_be_in_viewport(ratio=1)

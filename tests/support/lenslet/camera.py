@@ -1,4 +1,4 @@
-"""Raw lenslet pictures of a mesh, ray by ray, and the views that their lenses should give."""
+"""Raw lenslet pictures of a mesh, computed ray by ray, and the views that their lenses should give."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Camera:
-    """A lens array in front of a scene, whose unit of length is the pitch, and a sensor behind it."""
+    """A lens array in front of a scene whose unit of length is the pitch, and a sensor behind the array."""
 
     scene: PreparedScene
     grid: LensGrid
@@ -27,8 +27,8 @@ class Camera:
     background: tuple[int, int, int] = (0, 0, 0)
 
     def cast(self, points, offsets):
-        """RGB `(n, 3)` in 0 to 255 of rays through the array at `points`, (y, x) in pixels `(n, 2)`, of the pixels at
-        `offsets` from the lens's centre along the grid's axes."""
+        """Returns RGB `(n, 3)`, 0 to 255, of rays through the array at `points`, (y, x) in pixels `(n, 2)`. These are
+        the rays of the pixels at `offsets` from the lens's centre along the grid's axes."""
         y, x = ((points - (np.array(self.size) - 1) / 2) @ self.grid.axes.T / self.grid.pitch).T
         delta = TANGENT_RANGE / self.grid.pitch
         origins = np.stack([x, -y, np.zeros(len(x))], axis=1)
@@ -42,7 +42,7 @@ class Camera:
 
 
 def make_camera(name, grid, size, background=(0, 0, 0)):
-    """A camera in front of the shipped scene `name`, which fills its picture."""
+    """Makes a camera in front of the shipped scene `name`, which fills its picture."""
     rows, cols = (int(side / grid.pitch) for side in size)
     array = LensArray(rows, cols, 15, 15, 1.0, TANGENT_RANGE / 15)
     scene = load_scene(name)
@@ -50,19 +50,20 @@ def make_camera(name, grid, size, background=(0, 0, 0)):
 
 
 EDGE = 0.3
-"""How bright a lens is half a pitch from its centre, of 1 at the centre."""
+"""Brightness of a lens half a pitch from its centre, relative to 1 at the centre."""
 
 
 def dim(grid, offsets, edge=EDGE):
-    """How bright lenses are at `offsets` from their centre, (y, x) in pixels `(..., 2)`."""
+    """Computes the brightness of lenses at `offsets` from their centre, (y, x) in pixels `(..., 2)`."""
     squared = (offsets**2).sum(axis=-1) / (grid.pitch / 2) ** 2
     return np.maximum(1 - (1 - edge) * squared, edge / 4)
 
 
 def take_picture(camera, *, edge=EDGE, noise=2.0, optical=False, white=False):
-    """The raw picture `(H, W, 3)` uint8, a ray for each pixel.
+    """Takes the raw picture `(H, W, 3)` uint8, with one ray for each pixel.
 
-    `edge`: see `EDGE`. `optical`: each elemental image is turned by 180 degrees. `white`: of a white wall.
+    `edge`: see `EDGE`. `optical`: whether each elemental image is turned by 180 degrees. `white`: whether it shows a
+    white wall.
     """
     points = np.stack(np.indices(camera.size), axis=-1).reshape(-1, 2)
     centers = camera.grid.find_centers(*camera.grid.find_nearest(points))

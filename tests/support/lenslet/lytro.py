@@ -1,4 +1,4 @@
-"""Files in the containers of Lytro's cameras, of pictures that are cast ray by ray."""
+"""Files in the containers of Lytro's cameras, with pictures that are cast ray by ray."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CCM = [1.5, -0.3, -0.2, -0.2, 1.4, -0.2, 0.0, -0.5, 1.5]
 
 
 def make_metadata(grid, size, model="F01", gamma=1 / 2.4):
-    """As an F01 or an Illum writes it, of a picture of `size` pixels under the hexagonal `grid`."""
+    """Makes metadata like that of an F01 or an Illum, for a picture of `size` pixels under the hexagonal `grid`."""
     bits, order, first, black, white = {
         "F01": (12, "big", "b", 168, 4095),
         "ILLUM": (10, "little", "gr", 64, 1023),
@@ -43,7 +43,7 @@ def make_metadata(grid, size, model="F01", gamma=1 / 2.4):
 
 
 def expose(picture, metadata):
-    """The mosaic `(H, W)` of `picture`, RGB from 0 to 255 as it should be developed."""
+    """Computes the mosaic `(H, W)` from which `picture`, RGB from 0 to 255, should be developed."""
     image = metadata["image"]
     details = image.get("rawDetails", image)
     light = (picture / 255) ** (1 / image["color"]["gamma"]) @ np.linalg.inv(np.reshape(CCM, (3, 3))).T
@@ -57,7 +57,7 @@ def expose(picture, metadata):
 
 
 def pack(mosaic, bits):
-    """The mosaic's bytes, pixel by pixel: the slow reference."""
+    """Packs the mosaic into bytes, pixel by pixel, as the slow reference."""
     packed = bytearray()
     values = mosaic.ravel().tolist()
     if bits == 12:
@@ -71,14 +71,14 @@ def pack(mosaic, bits):
 
 
 def write_container(packed, metadata, model="F01"):
-    """A `.lfp` of an F01 or a `.lfr` of an Illum, with as many sections as theirs have."""
+    """Writes a `.lfp` of an F01 or a `.lfr` of an Illum, with as many sections as theirs have."""
     contents = [packed, json.dumps(metadata).encode(), b'{"camera": {"serialNumber": "A1"}}']
     refs = [f"sha1-{hashlib.sha1(content, usedforsecurity=False).hexdigest()}" for content in contents]
     frame = {"frame": dict(zip(("imageRef", "metadataRef", "privateMetadataRef"), refs, strict=True))}
     table = {"picture": {"frameArray": [frame]}} if model == "F01" else {"frames": [frame], "thumbnails": []}
     head = b"\x89LFP\r\n\x1a\n\0\0\0\x01" + bytes(4)
     contents_table = json.dumps(table).encode()
-    contents_table += b" " * ((11 - len(contents_table)) % 16)  # imageio takes the 5 zeros behind an F01's for granted
+    contents_table += b" " * ((11 - len(contents_table)) % 16)  # imageio assumes the 5 zeros after an F01's table
     listed = _write_section(b"M", contents_table)
     chunks = [_write_section(b"C", content) for content in contents]
     if model == "F01":

@@ -1,8 +1,8 @@
-"""How well raw lenslet pictures are calibrated from themselves: `python -m tests.support.lenslet.trials [N]`.
+"""Measures how well raw lenslet pictures are calibrated from themselves: `python -m tests.support.lenslet.trials [N]`.
 
-N pictures (default 12) for each background: both grids, the three shipped scenes, random pitches from 7 to 40 pixels,
-offsets and rotations within 2 degrees, and lenses that keep 10, 30 or 60 % of their light at the border. Prints the
-table of docs/formats.md.
+There are N pictures (default 12) for each background, with both grids, the three shipped scenes, random pitches from 7
+to 40 pixels, offsets and rotations within 2 degrees, and lenses that keep 10, 30 or 60 % of their light at the border.
+It prints the table of docs/formats.md.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ BACKGROUNDS = {"black": 0, "grey": 128, "white": 255}
 
 
 def measure_errors(found, known, size):
-    """Of the pitch times the lenses of a row, and of the lens in the picture's middle, in pixels."""
+    """Measures two errors in pixels: of pitch times lenses in a row, and of the lens in the picture's middle."""
     middle = known.find_centers(*known.find_nearest((np.array(size) - 1) / 2))
     moved = found.find_centers(*found.find_nearest(middle)) - middle
     return abs(found.pitch - known.pitch) * size[1] / known.pitch, np.hypot(*moved)
 
 
 def measure_loss(camera, picture, found, edge=EDGE):
-    """By how many dB the worst of four views with the grid `found` differs from that with the known one.
+    """Measures by how many dB the worst of four views with the grid `found` differs from that with the known one.
 
-    Both against rays through the known lenses.
+    Both are compared with rays through the known lenses.
     """
     count = fit_pixels(camera.grid)
     pixels, middle = (count, count), count // 2
@@ -49,7 +49,7 @@ def measure_loss(camera, picture, found, edge=EDGE):
 
 
 def run_trial(random, number, level):
-    """The two errors, the uncertainty and the loss; None where the picture is refused or has the other shape."""
+    """Returns the two errors, the uncertainty and the loss; None if the picture is refused or has the other shape."""
     shape, scene = ("square", "hexagonal")[number % 2], ("vase", "globe", "hamburger")[number // 2 % 3]
     pitch, rotation, edge = 7 * (40 / 7) ** random.random(), random.uniform(-2, 2), random.choice([0.1, 0.3, 0.6])
     grid = LensGrid(pitch, tuple(random.uniform(0, pitch, 2)), rotation, shape)
@@ -64,7 +64,7 @@ def run_trial(random, number, level):
         return None
     try:
         loss = measure_loss(camera, picture, found.grid, edge)
-    except AssertionError:  # a row or column more or less at the border
+    except AssertionError:  # one row or column more or less at the border
         loss = np.nan
     return *measure_errors(found.grid, grid, camera.size), found.uncertainty, loss
 

@@ -1,4 +1,4 @@
-"""Mesh files read from bytes, and checks that the tests of all mesh formats share."""
+"""Reads mesh files from bytes, and holds checks that the tests of all mesh formats share."""
 
 import tracemalloc
 
@@ -20,27 +20,27 @@ UP = float(shade(np.array([[0.0, 1, 0]]))[0])
 
 
 def read_mesh(suffix, data, beside=None, pose=AS_STORED, **limits):
-    """The scene of the mesh file `m/a` + `suffix`, with `beside` in its folder, name -> bytes."""
+    """Reads the scene of the mesh file `m/a` + `suffix`. `beside`: other files in its folder, name -> bytes."""
     main = f"m/a{suffix}"
     found = {main: data} | {f"m/{name}": content for name, content in (beside or {}).items()}
     return meshes.read(Bundle(f"a{suffix}", main, found, Limits(**limits)), main, SUFFIXES[suffix], pose=pose)
 
 
 def find_area(scene):
-    """The area of all triangles."""
+    """Computes the area of all triangles."""
     corners = np.concatenate([part.vertices[part.faces] for part in scene.parts])
     return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
 
 
 def assert_refused(suffix, data, message, beside=None):
-    """The file is refused by an error of one line in which `message` is found."""
+    """Checks that the file is refused with an error of one line that matches `message`."""
     with pytest.raises(InputError, match=message) as caught:
         read_mesh(suffix, data, beside)
     assert "\n" not in str(caught.value)
 
 
 def assert_refused_in_little_memory(suffix, data):
-    """The file, which has one very long number, is refused before its other numbers are made as long."""
+    """Checks that the file, which has one very long number, is refused before its other numbers are made as long."""
     tracemalloc.start()
     assert_refused(suffix, data, ".")
     peak = tracemalloc.get_traced_memory()[1]

@@ -1,4 +1,4 @@
-"""KTX2 textures as basis_universal's own encoder writes them."""
+"""KTX2 textures written by basis_universal's own encoder."""
 
 import base64
 import zlib
@@ -8,7 +8,7 @@ import numpy as np
 COLORS = np.array(
     [[[200, 40, 40], [40, 200, 40], [40, 40, 200]], [[220, 220, 220], [20, 20, 20], [220, 220, 40]]], np.uint8
 )
-PIXELS = np.repeat(np.repeat(COLORS, 4, 0), 4, 1)  # (8, 12, 3): one colour for each block of a texture
+PIXELS = np.repeat(np.repeat(COLORS, 4, 0), 4, 1)  # (8, 12, 3), with one colour for each block of a texture
 ETC1S = zlib.decompress(
     base64.b64decode(
         "eNpb7R0SoWBksJuXS4qLAQgYgZgHiDkYEIARCWcAsQ4QTwFiFSDeAVUzE0oHMkJoZgZUoAOlmRg0GBYzMjEwMyPbYQ9n/QcCeSANdFZ5UWZJahGD"

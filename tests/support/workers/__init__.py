@@ -1,1 +1,1 @@
-"""Programs that take the place of worker processes, or of the work in them."""
+"""Programs that replace worker processes, or the work in them."""

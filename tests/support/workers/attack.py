@@ -1,6 +1,6 @@
-"""What runs in a compromised worker process: the tests put this text into an upload. `ATTACK` is set before.
+"""The code that runs in a compromised worker process. Tests put this text into an upload and set `ATTACK` before it.
 
-It tries all that a worker must not be able to do, and raises an error that lists what was possible.
+It tries everything that a worker must not be able to do, and raises an error that lists what was possible.
 """
 
 import ctypes
@@ -73,7 +73,7 @@ def write_memory(pid):
 
 
 def find_open_files():
-    """Open files besides those of the protocol: anything that could be the parent's."""
+    """Finds open files besides those of the protocol, which could be the parent's."""
     allowed = {"input", "result", "channel"}
     found = []
     for number in range(3, 1024):

@@ -23,7 +23,7 @@ if "PYTHON_KEEP" in os.environ:
     work, kept = task.write_result, []
 
     def keep_memory(*arguments):
-        """Does the work, and keeps so many bytes of address space from then on."""
+        """Does the work, and holds `PYTHON_KEEP` bytes of address space from then on."""
         result = work(*arguments)
         kept.append(mmap.mmap(-1, int(os.environ["PYTHON_KEEP"])))
         return result
@@ -33,7 +33,7 @@ if "PYTHON_SEND" in os.environ:
     send = process.Channel.send
 
     def send_other(self, kind, **fields):
-        """Sends what the test wants in place of the outcome."""
+        """Sends the bytes that the test wants instead of the outcome."""
         if kind == "done":
             self._socket.sendall(bytes.fromhex(os.environ["PYTHON_SEND"]))
             time.sleep(1000)

@@ -169,7 +169,7 @@ def test_blur_reaches_over_the_edge_of_a_crop(recipe, monkeypatch):
         ({"labelled": Path()}, "labelled pictures are of no use without labelled; add a share"),
         (
             {"labelled": Path(), "degradations": {"labelled": 1}, "scale": 4},
-            "scale is 4, and labelled pictures are 2 times as large",
+            "scale is 4, but labelled pictures are 2 times as large",
         ),
     ],
 )

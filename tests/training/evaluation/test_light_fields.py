@@ -132,7 +132,7 @@ def refused(folder: Path, **options) -> str:
 def test_folders_without_a_usable_set_of_views(tmp_path):
     (tmp_path / "empty").mkdir()
     assert refused(tmp_path / "empty")
-    assert "no set of views" in refused(save(tmp_path / "one", field(1, 1)), grid=(1, 1))
+    assert "not a set of views" in refused(save(tmp_path / "one", field(1, 1)), grid=(1, 1))
     small = {place: pixels[:12, :12] for place, pixels in field(3, 3).items()}
     assert "name larger views" in refused(save(tmp_path / "small", small), grid=(3, 3))
     assert "no 'blur' here" in refused(save(tmp_path / "v", field(3, 3)), grid=(3, 3), degradation="blur")

@@ -93,7 +93,7 @@ def test_a_pair_without_its_truth(tmp_path):
 def test_a_pair_of_another_scale(tmp_path):
     save(tmp_path, "a_LR.png", np.zeros((9, 9), np.uint8))
     save(tmp_path, "a_HR.png", np.zeros((27, 27), np.uint8))
-    with pytest.raises(ValueError, match="27x27 pixels, where nearest makes 18x18"):
+    with pytest.raises(ValueError, match="27x27 pixels, but nearest makes 18x18"):
         score(Nearest(2), tmp_path)
 
 

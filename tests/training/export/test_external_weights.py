@@ -107,7 +107,7 @@ class Evil:
     [
         ("a.onnx", {}, "not a file of weights"),
         ("a.pth", [torch.zeros(1)], "holds a list"),
-        ("a.pth", {1: torch.zeros(1)}, "holds a dict, no tensors by name"),
+        ("a.pth", {1: torch.zeros(1)}, "holds a dict, not tensors by name"),
         ("a.pth", {"x": torch.zeros(3)}, "knows no network"),
         ("a.pth", {"body.0.weight": torch.zeros(3)}, "knows no network"),
         ("a.pth", {"x": Evil()}, "without running code"),

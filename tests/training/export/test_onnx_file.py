@@ -79,11 +79,14 @@ def test_sides_that_must_be_multiples_are_found(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"shape": (1, 3, 64, 48)}, r"takes pictures of 64x48 pixels only; export it with free height and width"),
+        ({"shape": (1, 3, 64, 48)}, r"takes only pictures of 64x48 pixels; export it with free height and width"),
         ({"shape": ("batch", 1, "height", "width")}, "takes x tensor.float. .*; give a network of RGB pictures"),
         ({"kind": TensorProto.FLOAT16}, "takes x tensor.float16. .*; give a network of RGB|can't open it"),
         ({"factor": 1}, "doesn't upscale; give a network that does"),
-        ({"gain": 255.0}, r"a mean of 127 of one with 0.5; give a network that takes and makes RGB in \[0, 1\]"),
+        (
+            {"gain": 255.0},
+            r"a mean of 127 from one with a mean of 0.5; give a network that takes and makes RGB in \[0, 1\]",
+        ),
     ],
 )
 def test_networks_that_are_refused(tmp_path: Path, options: dict[str, object], message: str) -> None:
@@ -95,11 +98,11 @@ def test_networks_that_are_refused(tmp_path: Path, options: dict[str, object], m
 def test_files_that_are_no_networks(tmp_path: Path) -> None:
     file = tmp_path / "a.onnx"
     file.write_bytes(b"no ONNX")
-    with pytest.raises(ValueError, match=r"no ONNX file; give one as torch.onnx.export writes it"):
+    with pytest.raises(ValueError, match=r"not an ONNX file; give one written by torch.onnx.export"):
         export_onnx(file, tmp_path / "out")
     write(file, external=True)
     next(path for path in tmp_path.iterdir() if path != file).unlink()
-    with pytest.raises(ValueError, match=r"its weights can't be read .*; put their file beside it"):
+    with pytest.raises(ValueError, match=r"its weights can't be read .*; put their file next to it"):
         export_onnx(file, tmp_path / "out")
 
 
@@ -108,7 +111,7 @@ def test_a_card_that_states_other_sizes_is_refused_in_one_line(tmp_path: Path) -
     text = path.read_text()
     made = write(tmp_path / "out" / "a.onnx", (1, 3, 64, 64)).read_bytes()
     path.write_text(text.replace(cards.read_card(path).sha256, hashlib.sha256(made).hexdigest()))
-    with pytest.raises(BadCard, match=r"card a: states x as \('batch', .*, and the network takes \(1, 3, 64, 64\)"):
+    with pytest.raises(BadCard, match=r"card a: states x as \('batch', .*, but the network takes \(1, 3, 64, 64\)"):
         SingleImageNetwork(path)(np.ones((1, 3, 64, 64), np.float32))
 
 
@@ -116,7 +119,7 @@ def test_the_error_names_the_export(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setenv("CIIR_MODELS", str(tmp_path))
     write(tmp_path / "mine.onnx")
     for name in ("mine", "mine.onnx"):
-        with pytest.raises(catalogue.UnknownModel, match=r"mine.onnx has no card mine.json beside it: .*ciir export"):
+        with pytest.raises(catalogue.UnknownModel, match=r"mine.onnx has no card mine.json next to it: .*ciir export"):
             catalogue.load_upscaler(name)
     export_onnx(tmp_path / "mine.onnx", tmp_path)
     catalogue._read_networks.cache_clear()

@@ -111,7 +111,7 @@ def test_an_ensemble_starts_from_one_generator_or_from_as_many(tmp_path):
     turned = [generator(image.rot90(k, (2, 3))).rot90(-k, (2, 3)) for k in range(3)]
     assert_alike(ensemble(image), torch.stack(turned).mean(0))
     path.write_bytes(to_onnx.convert_network(simplify_network(ensemble), 2))
-    with pytest.raises(ValueError, match="an ensemble of 3 generators, and members is 2; set members = 3"):
+    with pytest.raises(ValueError, match="an ensemble of 3 generators, but members is 2; set members = 3"):
         load_onnx_weights(make("ensemble", 2), path)
 
 

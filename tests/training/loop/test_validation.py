@@ -70,7 +70,7 @@ def test_a_folder_of_pictures_is_downscaled_bicubically(picture, tmp_path):
     [
         ({}, "no picture in it"),
         ({"a_LR.png": (8, 8)}, r"a_HR\.png: missing"),
-        ({"a_LR.png": (8, 8), "a_HR.png": (16, 20)}, r"a_HR\.png: 16x20 pixels, where its LR is 8x8.*at scale 2"),
+        ({"a_LR.png": (8, 8), "a_HR.png": (16, 20)}, r"a_HR\.png: 16x20 pixels, but its LR is 8x8.*at scale 2"),
         ({"a.png": (5, 40)}, "too small to validate on"),
     ],
 )

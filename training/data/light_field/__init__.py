@@ -1,1 +1,1 @@
-"""Training data of light-field networks: layered scenes, their crops, camera differences, and folders of views."""
+"""Training data for light-field networks: layered scenes, their crops, camera differences, and folders of views."""

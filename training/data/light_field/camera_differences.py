@@ -1,4 +1,4 @@
-"""What makes captured views of one scene differ: brightness, blur, noise, and JPEG of views or of whole EIAs."""
+"""Differences between captured views of one scene: brightness, blur, noise, and JPEG of views or of whole EIAs."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from ciir.training.data.light_field import grey_jpeg
 MISMATCHED = 0.04
 """Share of crops whose other views show another scene."""
 NOISE = (0.01, 0.1)
-"""Share of crops under heavy noise, different in each view, and its standard deviation."""
+"""Share of crops with heavy noise, different in each view, and its standard deviation."""
 GRAIN = (0.14, 6 / 255)
 """Share of crops with camera grain in the LR views, and its largest standard deviation."""
 BRIGHTNESS = (0.35, 0.015, 0.004)
-"""Share of crops whose views differ in brightness; by which factor, at most, from one view to the next; and the
-standard deviation of the factors about that."""
+"""Share of crops whose views differ in brightness; the largest relative change from one view to the next; and the
+standard deviation of the factors around it."""
 BLUR = (0.25, 0.12)
 """Share of crops whose views differ in blur, and the largest weight of a pixel's neighbour along each axis."""
 JPEG = (0.07, 0.05, 55)
-"""Shares of crops whose elemental image array, and whose views, went through JPEG, and the lowest quality."""
+"""Share of crops whose elemental image array went through JPEG, share of crops whose views did, and lowest quality."""
 
 
 def differ(
     random: np.random.Generator, image: Tensor, around: Tensor, own: tuple[int, int], ease: float = 1.0
 ) -> tuple[Tensor, Tensor]:
-    """Changes some of the crops: `image` `(N, 3, H, W)`, and `around`, the luma of its window `(N, 25, H, W)`, which it
-    is in at row and column `own`. `ease`: factor on the shares, up to 1.
+    """Changes some of the crops: `image` `(N, 3, H, W)`, and `around`, the luma of its window `(N, 25, H, W)`, in which
+    it has the row and column `own`. `ease`: factor on the shares, up to 1.
     """
     number, device = own[0] * WINDOW_SIDE + own[1], image.device
     noise = torch.Generator(device).manual_seed(int(random.integers(2**62)))
@@ -76,19 +76,21 @@ def differ(
 
 
 def compute_luma(image: Tensor) -> Tensor:
-    """`(N, 3, H, W)` -> `(N, 1, H, W)`."""
+    """Computes the luma of `(N, 3, H, W)`: `(N, 1, H, W)`."""
     return torch.einsum("nchw,c->nhw", image, image.new_tensor(LUMA))[:, None]
 
 
 def _blur(around: Tensor, weight: Tensor) -> Tensor:
-    """Each picture `(N, V, H, W)` with `weight` `(N, V, 1, 1)` of each neighbour, along one axis after the other."""
+    """Blurs each picture `(N, V, H, W)` with `weight` `(N, V, 1, 1)` for each neighbour, one axis after the other."""
     padded = functional.pad(around, (1, 1, 1, 1), mode="replicate")
     across = (1 - 2 * weight) * padded[..., 1:-1] + weight * (padded[..., :-2] + padded[..., 2:])
     return (1 - 2 * weight) * across[..., 1:-1, :] + weight * (across[..., :-2, :] + across[..., 2:, :])
 
 
 def _compress(views: Tensor, qualities: Tensor, *, is_array: bool) -> Tensor:
-    """Views `(N, 25, H, W)` as a JPEG of their elemental images, or side by side, of a quality for each window."""
+    """Compresses views `(N, 25, H, W)` as a JPEG of their elemental image array, or of the views side by side. Each
+    window has its own quality.
+    """
     grid = views.reshape(-1, WINDOW_SIDE, WINDOW_SIDE, *views.shape[2:])
     order = (0, 3, 1, 4, 2) if is_array else (0, 1, 3, 2, 4)
     joined = grid.permute(order)

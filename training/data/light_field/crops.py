@@ -1,7 +1,7 @@
 """Training crops for light-field networks: a view, the window of views around it, and its truth.
 
-Layered scenes (`layered_scenes`) are made during the run, views of solids and meshes
-(`training.data.mesh_views`) before it. The views of some crops differ as captured ones do (`camera_differences`).
+Layered scenes (`layered_scenes`) are made during the run, and views of solids and meshes
+(`training.data.mesh_views`) before it. The views of some crops differ like captured ones (`camera_differences`).
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 STEPS_PER_BLOCK = 9
-"""Steps that share scenes, with different places, rotations and degradations."""
+"""Number of steps that share scenes, with different places, rotations and degradations."""
 KEPT_BLOCKS = 3
-"""Blocks of steps whose scenes are kept: enough for `2 * STEPS_PER_BLOCK + 1` steps that are prefetched."""
+"""Number of blocks of steps whose scenes are kept, enough to prefetch `2 * STEPS_PER_BLOCK + 1` steps."""
 MARGIN = 12
 """LR pixels by which scenes are larger than crops."""
 RANGE = (0.2, 3.0)
-"""Width of the range of disparities of a block's scenes, LR pixels from view to view, evenly in the logarithm."""
+"""Width of the disparity range of a block's scenes, LR pixels from view to view, uniform in the logarithm."""
 FARTHEST = 2.0
-"""Largest disparity, LR pixels: 4 of the truth's pixels."""
+"""Largest disparity in LR pixels, which is 4 of the truth's pixels."""
 NEAR_ZERO = 0.4
-"""How far the middle of a narrow range is from zero, at most."""
+"""Largest distance of the middle of a narrow range from zero."""
 LOOSE = 0.25
-"""How much wider than that of the scenes the range is that the network is given, at most, at each end."""
+"""Most that each end of the range given to the network lies outside that of the scenes."""
 ALIKE = 6
-"""Rendered light fields of similar ranges that a batch's crops are from."""
+"""Number of rendered light fields with similar ranges from which a batch's crops are cut."""
 SMALL_GRIDS = 0.25
-"""Share of windows that are cut to the 3x3 views around, or as many as are there."""
+"""Share of windows that are cut to 3x3 views."""
 
 
 class Inputs(NamedTuple):
@@ -67,13 +67,13 @@ class _Batch(NamedTuple):
     image: Tensor
     """The view in colour, `(N, 3, h, w)` in [0, 1]."""
     around: Tensor
-    """Luma of its window, `(N, 25, h, w)`."""
+    """The luma of its window, `(N, 25, h, w)`."""
     high: Tensor
-    """`(N, 3, 2*h, 2*w)`."""
+    """The truth, `(N, 3, 2*h, 2*w)`."""
 
 
 class _Block(NamedTuple):
-    """The scenes of some steps, 8 bit, `layered_scenes.FINE` times as fine as LR."""
+    """The scenes of a block of steps, 8 bit, `layered_scenes.FINE` times as fine as LR."""
 
     own: View
     disparities: Range
@@ -82,8 +82,10 @@ class _Block(NamedTuple):
 
 
 class LightFieldCrops:
-    """Random crops of light fields with their truth. The batch of step `s` depends only on the seed, the device and
-    `s`."""
+    """Random crops of light fields with their truth.
+
+    The batch of step `s` depends only on the seed, the device and `s`.
+    """
 
     def __init__(
         self,
@@ -100,15 +102,15 @@ class LightFieldCrops:
         eased: int = 0,
         device: torch.device | None = None,
     ) -> None:
-        """`folder`: pictures for the textures of layers; those smaller than `textures.TEXTURE` are skipped.
+        """`folder`: pictures for the textures of layers. Those smaller than `textures.TEXTURE` are skipped.
 
-        `crop`: HR side in pixels. `degradations`: kind -> weight, of `training.data.downscale.KINDS`, and with `meshes`
-        (files) or `scenes` random scenes of solids, of `training.data.crops.RENDERED`. `planes`: how many the network
-        tries. `eased`: steps over which windows of small grids and changed crops reach their shares: with them from
-        the start the network does not learn to use the other views. `device`: where scenes and batches are made, by
-        default the CPU.
+        `crop`: HR side in pixels. `degradations`: kind -> weight. Kinds are those of `training.data.downscale.KINDS`,
+        and with `meshes`, files, or `scenes`, a number of random scenes of solids, also `training.data.crops.RENDERED`.
+        `planes`: the number that the network tries. `eased`: the number of steps over which windows of small grids and
+        changed crops rise to their shares; with the full shares from the start, the network does not learn to use the
+        other views. `device`: the device on which scenes and batches are made, by default the CPU.
 
-        Raises `ValueError` where one of these is wrong.
+        Raises `ValueError` if one of these is wrong.
         """
         if scale != 2:
             raise ValueError(f"scale is {scale}; light fields are upscaled by 2: give that")
@@ -127,7 +129,7 @@ class LightFieldCrops:
         self._blocks: dict[int, _Block] = {}
 
     def make_batch(self, step: int) -> tuple[Inputs, Tensor]:
-        """The inputs, `batch` crops of LR side `crop/scale`, and their truth `(batch, 3, crop, crop)` in [0, 1]."""
+        """Makes inputs, `batch` crops of LR side `crop/scale`, and their truth `(batch, 3, crop, crop)` in [0, 1]."""
         random = np.random.default_rng((self.seed, step))
         share = sum(share for kind, share in zip(self.kinds, self.shares, strict=True) if kind in RENDERED)
         ease = min(1.0, step / self.eased) if self.eased else 1.0
@@ -138,7 +140,7 @@ class LightFieldCrops:
         return _augment(random, made, self.planes, is_small=bool(random.random() < SMALL_GRIDS * ease))
 
     def _draw_kinds(self, random: np.random.Generator, *, rendered: bool) -> NDArray[np.str_]:
-        """The kind of each crop of a batch."""
+        """Draws the kind of each crop of a batch."""
         kinds = [kind for kind in self.kinds if (kind in RENDERED) == rendered]
         shares = np.array([self.shares[self.kinds.index(kind)] for kind in kinds])
         return random.choice(np.array(kinds), self.batch, p=shares / shares.sum())
@@ -179,7 +181,7 @@ class LightFieldCrops:
         return _Batch(first.own, Range(low, high), *parts)
 
     def _made(self, block: int) -> _Block:
-        """The scenes of a block of steps. The last blocks are kept, as threads may ask in any order."""
+        """Returns the scenes of a block of steps. The last blocks are kept, because threads may ask in any order."""
         with self._lock:
             if block not in self._blocks:
                 random = np.random.default_rng((self.seed, block, 1))
@@ -201,7 +203,7 @@ class LightFieldCrops:
 
 
 def _draw_range(random: np.random.Generator) -> Range:
-    """Draws a range of disparities: narrow ones are near zero, as captured views are close together."""
+    """Draws a range of disparities. Narrow ones are near zero, because captured views are close together."""
     width = float(np.exp(random.uniform(*np.log(RANGE))))
     middle = random.uniform(-1, 1) * min(FARTHEST - width / 2, NEAR_ZERO + width / 2)
     return Range(middle - width / 2, middle + width / 2)

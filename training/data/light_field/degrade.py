@@ -1,4 +1,4 @@
-"""Low-resolution versions of finely sampled views, many at once: as `training.data.downscale` makes them of a picture.
+"""Low-resolution versions of finely sampled views, many at once, as `training.data.downscale` makes them for a picture.
 
 All tensors are 8 bit, `(N, C, H, W)`, on any device.
 """
@@ -16,7 +16,7 @@ from ciir.training.data.light_field.layered_scenes import FINE
 
 
 def degrade(kind: str, fine: Tensor) -> tuple[Tensor, Tensor]:
-    """LR and HR of what was sampled `FINE` times as finely as LR along each side. `kind`: of
+    """Makes LR and HR of pictures that were sampled `FINE` times as finely as LR along each side. `kind`: one of
     `training.data.downscale.KINDS`."""
     if kind == "point":  # the mean of the four samples around the middle of each cell
         middle = slice(FINE // 2 - 1, FINE // 2 + 1)
@@ -30,7 +30,7 @@ def _average_cells(picture: Tensor, side: int) -> Tensor:
 
 
 def _split_cells(picture: Tensor, side: int) -> Tensor:
-    """`(N, C, H, W)` -> `(N, C, H / side, side, W / side, side)`."""
+    """Splits `(N, C, H, W)` into cells: `(N, C, H / side, side, W / side, side)`."""
     count, channels, height, width = picture.shape
     return picture.reshape(count, channels, height // side, side, width // side, side)
 
@@ -47,7 +47,7 @@ def _downscale_bicubic(picture: Tensor) -> Tensor:
 
 @lru_cache(maxsize=16)
 def _bicubic(length: int) -> Tensor:
-    """What Pillow's bicubic filter takes of each of `length` samples for one at half the resolution,
+    """Returns the weights of Pillow's bicubic filter that reduce `length` samples to half the resolution,
     `(length / 2, length)`."""
     each = Image.fromarray(np.eye(length, dtype=np.float32))
     return torch.from_numpy(np.array(each.resize((length, length // 2), Image.Resampling.BICUBIC)))

@@ -1,4 +1,4 @@
-"""Grey pictures as they are after baseline JPEG, many at once on any device; only the lossy steps are computed."""
+"""Simulates baseline JPEG of grey pictures, many at once on any device. Only the lossy steps are computed."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ LUMINANCE = (
     (49, 64, 78, 87, 103, 121, 120, 101),
     (72, 92, 95, 98, 112, 100, 103, 99),
 )
-"""Quantisation of a quality of 50 (ITU-T T.81, table K.1)."""
+"""The quantisation table of quality 50 (ITU-T T.81, table K.1)."""
 
 
 def compress(levels: Tensor, quality: Tensor) -> Tensor:
-    """Levels `(N, H, W)`, whole numbers of 0 to 255 as float, after a JPEG of `quality` `(N,)`, 1 to 100, by libjpeg's
-    scale."""
+    """Returns levels `(N, H, W)`, whole numbers from 0 to 255 as float, after a JPEG of `quality` `(N,)`, 1 to 100 on
+    libjpeg's scale."""
     height, width = levels.shape[1:]
     padded = functional.pad(levels[:, None], (0, -width % BLOCK, 0, -height % BLOCK), mode="replicate")[:, 0]
     down, across = (length // BLOCK for length in padded.shape[1:])
@@ -39,7 +39,7 @@ def compress(levels: Tensor, quality: Tensor) -> Tensor:
 
 @lru_cache(maxsize=1)
 def _dct() -> Tensor:
-    """The orthonormal cosine transform, `(BLOCK, BLOCK)`."""
+    """Returns the orthonormal cosine transform, `(BLOCK, BLOCK)`."""
     number = torch.arange(BLOCK)
     basis = torch.cos(math.pi / BLOCK * (number + 0.5) * number[:, None]) * math.sqrt(2 / BLOCK)
     basis[0] /= math.sqrt(2)
@@ -47,6 +47,6 @@ def _dct() -> Tensor:
 
 
 def _quantisation(quality: Tensor) -> Tensor:
-    """`(N, BLOCK, BLOCK)`."""
+    """Computes the quantisation tables, `(N, BLOCK, BLOCK)`."""
     scale = torch.where(quality < 50, (5000 / quality).floor(), 200 - 2 * quality)[:, None, None]
     return ((torch.tensor(LUMINANCE, device=quality.device) * scale + 50) / 100).floor().clamp(1, 255)

@@ -2,7 +2,7 @@
 
 Each view is sampled where its own rays meet the layers, twice as finely as the truth along each side, and downscaled
 afterwards. Folds (`training.data.light_field.planes`) cover everything behind their layer. All scenes of a call are
-made at once, on the device of their textures.
+made at once on the device of their textures.
 """
 
 from __future__ import annotations
@@ -28,65 +28,65 @@ if TYPE_CHECKING:
     Array = NDArray[np.float32]
 
 FINE = 4
-"""Samples along each side of an LR pixel; the truth has half as many pixels as these."""
+"""Number of samples along each side of an LR pixel. The truth has half as many pixels."""
 LAYERS = (2, 5)
 NARROW = 0.3
 """Share of scenes whose layers are closer together than the range of disparities."""
 NARROWEST = 0.03
-"""Least share of the range that these use, evenly in the logarithm."""
+"""Smallest share of the range that these use, uniform in the logarithm."""
 BEYOND = 0.05
-"""Share of scenes that reach up to 4 times as far as the range: no plane matches these."""
+"""Share of scenes that reach up to 4 times as far as the range. No plane matches them."""
 TEXELS = (0.45, 1.6)
-"""Texels for each fine sample. A layer's texture is mirrored at its edge."""
+"""Range of texels for each fine sample. A layer's texture is mirrored at its edge."""
 FLAT = 0.12
 """Share of layers of one colour."""
 BRIGHT = (0.12, 2.5)
-"""Share of layers that are overexposed, and by how much at most."""
+"""Share of layers that are overexposed, and the largest factor."""
 PLAIN = 0.3
-"""Share of scenes before a plain background, as rendered objects stand."""
+"""Share of scenes in front of a plain background, like rendered objects."""
 MASK = 24
 MASK_REACH = 0.75
-"""How far a mask reaches to each side of the middle, in sides of a picture."""
+"""How far a mask reaches on each side of the middle, in sides of a picture."""
 STRAIGHT = 0.35
 """Share of masks that are a straight edge."""
 STRIPED = 0.12
 """Share of masks that are thin bars."""
 HALF_BAR = (0.05, 0.2)
-"""Half the width of a bar, over half the width of a mask."""
+"""Range of half the width of a bar, divided by half the width of a mask."""
 KNOTS = (3, 12)
-"""Random values along each side that other masks are interpolated from."""
+"""Range of the number of random values along each side that other masks are interpolated from."""
 STEEPNESS = (4.0, 200.0)
-"""How sharp a layer's edge is: over `MASK_REACH` sides of the picture divided by this."""
+"""Range of the sharpness of a layer's edge, which extends over `MASK_REACH` sides of the picture divided by this."""
 FOLDED = 0.6
-"""Share of layers with a straight edge that are folded there, as a roof at a wall: only some views see the fold."""
+"""Share of layers with a straight edge that are folded there, like a roof at a wall. Only some views see the fold."""
 
 
 class _Layers(NamedTuple):
-    """What is drawn for the layers of all scenes; `n` scenes of `m` layers, from back to front."""
+    """The random values of the layers of all scenes: `n` scenes of `m` layers, from back to front."""
 
     disparity: Tensor
-    """In the middle of the picture, LR pixels, `(n, m)`."""
+    """Disparity in the middle of the picture, LR pixels, `(n, m)`."""
     slope: Tensor
     """LR pixels of disparity for each LR pixel, `(n, m, 2)`."""
     there: Tensor
     """1 where a scene has the layer, `(n, m)`."""
     turn: Tensor
-    """LR pixels -> [-1, 1] of the texture, x first, `(n, m, 2, 2)`."""
+    """Matrix from LR pixels to [-1, 1] of the texture, x first, `(n, m, 2, 2)`."""
     begin: Tensor
     """`(n, m, 2)`."""
     textures: Tensor
     """`(n, m, 3, TEXTURE, TEXTURE)`."""
     masks: Tensor
-    """A layer is where its mask exceeds the threshold, `(n, m, 1, MASK, MASK)`."""
+    """A layer is present where its mask exceeds the threshold, `(n, m, 1, MASK, MASK)`."""
     threshold: Tensor
     steepness: Tensor
     normal: Tensor
-    """Of a straight edge, `(n, m, 2)`."""
+    """Normal of a straight edge, `(n, m, 2)`."""
     folded: NDArray[np.bool_]
-    """`(n, m)`, on the CPU."""
+    """Whether the layer is folded, `(n, m)`, on the CPU."""
     change: Tensor
     width: Tensor
-    """Of folds."""
+    """`change` and `width` are those of folds."""
 
 
 def make_scenes(
@@ -101,11 +101,12 @@ def make_scenes(
 ) -> tuple[Tensor, Tensor]:
     """Renders the views of a window of `count` scenes.
 
-    `side`: LR pixels along a view. `window`: views along a side. `own`: row and column in the window of the view that
-    is to be upscaled. `disparities`: the range of most scenes, LR pixels from one view to the next.
+    `side`: LR pixels along each side of a view. `window`: views along each side. `own`: row and column, in the window,
+    of the view to be upscaled. `disparities`: the range of most scenes, LR pixels from one view to the next.
 
-    Returns luma of all views, row by row, `(count, window*window, FINE*side, FINE*side)`, and the own one in colour,
-    `(count, 3, FINE*side, FINE*side)`, in [0, 1]. Content moves by `disparity * offset` from the own one to a view.
+    Returns luma of all views, row by row, `(count, window*window, FINE*side, FINE*side)`, and the view at `own` in
+    colour, `(count, 3, FINE*side, FINE*side)`, in [0, 1]. Content moves by `disparity * offset` from that view to
+    another.
     """
     layers = _draw_layers(random, textures, count, side, disparities)
     device = layers.disparity.device
@@ -194,8 +195,8 @@ def _draw_disparities(
     random: np.random.Generator, count: int, side: int, disparities: Range
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Draws the disparity of each layer in the middle of the picture `(count, layers)`, and its slope
-    `(count, layers, 2)` in LR pixels of disparity for each LR pixel. Layers are sorted from back to front; near may be
-    either sign.
+    `(count, layers, 2)` in LR pixels of disparity for each LR pixel. Layers are sorted from back to front. Near layers
+    may have disparities of either sign.
     """
     most = LAYERS[1]
     middle, half = sum(disparities) / 2, (disparities.highest - disparities.lowest) / 2
@@ -226,9 +227,10 @@ def _sample(pictures: Tensor, at: planes.AffineMap, along: Tensor, beyond: str) 
 
 
 def _draw_masks(random: np.random.Generator, count: int) -> tuple[Tensor, NDArray[np.float64], NDArray[np.bool_]]:
-    """Draws smooth random values `(count, 1, MASK, MASK)`: a layer is where they exceed a threshold. Some have a
-    straight edge: its normal, `(count, 2)`, and which they are. The highest values of some are one or a few thin
-    parallel bars, as legs and branches.
+    """Draws masks of smooth random values `(count, 1, MASK, MASK)`. A layer is present where they exceed a threshold.
+
+    Also returns the normal of a straight edge, `(count, 2)`, and which masks have one. In some masks the highest values
+    form one or a few thin parallel bars, like legs and branches.
     """
     kind, line = random.random(count), np.linspace(-1, 1, MASK)
     angle = random.uniform(0, 2 * math.pi, count)

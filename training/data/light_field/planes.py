@@ -1,7 +1,7 @@
 """Intersection of the rays of a light field's views with slanted layers, and layers with a fold at an edge.
 
 The view at `offset` = (down, right) from the middle view sees a layer's point q, in LR pixels from the centre of the
-middle view, at `p = q + (disparity + slope . q) * offset`. This is linear in q, so it is inverted once for a view.
+middle view, at `p = q + (disparity + slope . q) * offset`. This is linear in q, so it is inverted once for each view.
 
 Everything is computed for `N` scenes at once.
 """
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 CHANGE = (0.1, 3.0)
-"""Change of a fold's disparity over an LR pixel, evenly in the logarithm."""
+"""Range of the change of a fold's disparity over an LR pixel, uniform in the logarithm."""
 WIDTH = (0.2, 4.0)
-"""Width of a fold in the middle view, LR pixels."""
+"""Range of the width of a fold in the middle view, LR pixels."""
 MOST = 1.5
 """Largest change of a fold's disparity over its width."""
 EDGE_ON = 0.02
-"""Share of its width below which a fold is not visible."""
+"""A fold is not visible in a view that sees less than this share of its width."""
 
 
 class AffineMap(NamedTuple):
-    """`matrix @ p + shift` for a pixel p of each view: `(N, V, n, 2)` and `(N, V, n)`."""
+    """The map `matrix @ p + shift` of a pixel p of each view: `(N, V, n, 2)` and `(N, V, n)`."""
 
     matrix: Tensor
     shift: Tensor
@@ -39,7 +39,7 @@ class AffineMap(NamedTuple):
         return AffineMap(matrix[:, None] @ self.matrix, shifted)
 
     def apply(self, along: Tensor) -> Tensor:
-        """Returns the map at pixels `along` down and across, `(side,)`: `(N, V, side, side, n)`."""
+        """Applies the map at pixels `along` down and across, `(side,)`: `(N, V, side, side, n)`."""
         down = self.matrix[:, :, None, :, 0] * along[:, None] + self.shift[:, :, None]
         across = self.matrix[:, :, None, :, 1] * along[:, None]
         return down[:, :, :, None] + across[:, :, None]
@@ -50,8 +50,8 @@ class AffineMap(NamedTuple):
 
 
 def intersect_layer(offsets: Tensor, disparity: Tensor, slope: Tensor) -> AffineMap:
-    """Maps pixels of the views at `offsets`, `(V, 2)` or `(N, V, 2)`, to the points q of a layer of each scene.
-    `disparity`: `(N,)`, `slope`: `(N, 2)`.
+    """Returns the map from pixels of the views at `offsets`, `(V, 2)` or `(N, V, 2)`, to the points q of a layer of
+    each scene. `disparity`: `(N,)`, `slope`: `(N, 2)`.
     """
     offsets = offsets.expand(len(slope), *offsets.shape[-2:])
     along = (offsets @ slope[:, :, None])[..., 0]
@@ -61,13 +61,13 @@ def intersect_layer(offsets: Tensor, disparity: Tensor, slope: Tensor) -> Affine
 
 
 class Fold(NamedTuple):
-    """A strip beyond the straight edge of a layer whose disparity changes fast across it, like a roof behind a wall.
+    """A strip beyond the straight edge of a layer. Its disparity changes fast across it, like a roof behind a wall.
 
-    Only some views see it; the middle one always sees at least a fifth of a pixel, a view from behind nothing.
+    Only some views see it. The middle one always sees at least a fifth of a pixel, and a view from behind sees nothing.
     """
 
     normal: Tensor
-    """`(N, 2)`, of length 1: across the edge, towards the layer."""
+    """Unit vector across the edge, towards the layer, `(N, 2)`."""
     edge: Tensor
     """Position of the edge along the normal, LR pixels from the centre, `(N,)`."""
     change: Tensor
@@ -76,8 +76,9 @@ class Fold(NamedTuple):
     """Width in the middle view, LR pixels, `(N,)`."""
 
     def coverage(self, along: Tensor, offsets: Tensor, disparity: Tensor, slope: Tensor) -> Tensor:
-        """Share of each pixel that the fold covers, `(N, V, side, side)` in [0, 1]. `disparity` and `slope`: the
-        layer's. `along` is as in `AffineMap.apply`, evenly spaced: a pixel's width is the distance of the first two.
+        """Computes the share of each pixel that the fold covers, `(N, V, side, side)` in [0, 1]. `disparity` and
+        `slope` are the layer's. `along` is as in `AffineMap.apply` and evenly spaced, so the distance of the first two
+        is a pixel's width.
         """
         slope = slope + self.change[:, None] * self.normal
         width = 1 + slope @ offsets.T  # (N, V): of a pixel of the middle view in each view; below 0 from behind
@@ -89,20 +90,20 @@ class Fold(NamedTuple):
         inwards = found.compose(self.normal[:, None], -self.edge[:, None]).apply(along)[..., 0]
         pixel = (along[1] - along[0]) / width[..., None, None]
         there = ((inwards + self.width[:, None, None, None]) / pixel + 0.5).clamp(0, 1)
-        # It continues for a pixel under the layer, so that there is no gap where they meet.
+        # It extends a pixel under the layer, so that there is no gap where they meet.
         return there * (1.5 - inwards / pixel).clamp(0, 1) * visible[..., None, None]
 
 
 def draw_log_uniform(
     random: np.random.Generator, ends: tuple[float, float], shape: tuple[int, ...]
 ) -> NDArray[np.float64]:
-    """Draws numbers between two ends, evenly in the logarithm."""
+    """Draws numbers between two ends, uniformly in the logarithm."""
     low, high = np.log(ends)
     return np.exp(random.uniform(low, high, shape))
 
 
 def draw_folds(random: np.random.Generator, count: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Draws the change and the width of `count` folds: see `Fold`."""
+    """Draws the change and the width of `count` folds; see `Fold`."""
     change = draw_log_uniform(random, CHANGE, (count,)) * random.choice((-1, 1), count)
     width = np.minimum(random.uniform(*WIDTH, count), MOST / np.abs(change))
     return change.astype(np.float32), width.astype(np.float32)

@@ -29,13 +29,13 @@ if TYPE_CHECKING:
     from ciir.training.data.pictures import Picture
 
 OWN = ((2, 0.45), (1, 0.3), (0, 0.25))
-"""Row or column in the window of the view to be upscaled, and the share of such windows; the others are mirrored."""
+"""Row or column in the window of the view to be upscaled, and the share of such windows. The others are mirrored."""
 SOLID_FIELDS, EXTENT = 5, 96
-"""Solids in a rendered scene, at most, and their extent before they are framed: texels are drawn by it."""
+"""Most solids in a rendered scene, and their extent before they are framed, which determines the texels."""
 
 
 def draw_own(random: np.random.Generator) -> View:
-    """Draws the row and the column in the window of the view to be upscaled, by the shares of `OWN`."""
+    """Draws the row and column, in the window, of the view to be upscaled, by the shares of `OWN`."""
     places, shares = zip(*OWN, strict=True)
     row, col = (int(random.choice(places, p=shares)) for _ in range(2))
     return row, col
@@ -44,10 +44,10 @@ def draw_own(random: np.random.Generator) -> View:
 def render_fields(
     meshes: Sequence[str | Path], scenes: int, textures: Textures, seed: int, side: int
 ) -> list[MeshLightField]:
-    """Renders light fields of mesh files and of `scenes` random scenes of solids that have at least `side` LR pixels:
-    see `mesh_views.render_window`.
+    """Renders light fields of mesh files and of `scenes` random scenes of solids (see `mesh_views.render_window`), and
+    keeps those with sides of at least `side` LR pixels.
 
-    Raises `ValueError` where none is as large.
+    Raises `ValueError` if none is that large.
     """
     if not meshes and not scenes:
         return []
@@ -59,7 +59,7 @@ def render_fields(
     models = [mesh_views.read_mesh(path) for path in meshes for _ in range(mesh_views.PICTURES)]
     count = len(models) + scenes
     tqdm.write(f"rendering light fields of {len(meshes)} meshes and {scenes} scenes: minutes", file=sys.stderr)
-    # Forked, as each would import torch for seconds. They use neither its threads nor a GPU.
+    # Forked, because otherwise each would take seconds to import torch. They use neither its threads nor a GPU.
     pool = ProcessPoolExecutor(
         count_available_cores(), get_context("fork"), _keep, (_Given(models, textures.pictures, seed),)
     )
@@ -77,7 +77,7 @@ def render_fields(
 
 
 class _Given(NamedTuple):
-    """What the processes render."""
+    """The input of the processes that render."""
 
     models: Sequence[Scene]
     pictures: SupportsLenAndGetItem[Picture]
@@ -85,7 +85,7 @@ class _Given(NamedTuple):
 
 
 _given: list[_Given] = []
-"""In a process of the pool: what it was given."""
+"""The input that a process of the pool was given."""
 
 
 def _keep(given: _Given) -> None:
@@ -94,7 +94,7 @@ def _keep(given: _Given) -> None:
 
 
 def _render_field(index: int) -> bytes:
-    """Renders light field number `index`, pickled: the pool itself would pass each tensor as an open file."""
+    """Renders light field number `index` and pickles it, because the pool would pass each tensor as an open file."""
     models, pictures, seed = _given[0]
     random = np.random.default_rng((seed, index, 4))
     if index < len(models):

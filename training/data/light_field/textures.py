@@ -1,4 +1,4 @@
-"""Pictures as one block of memory on a device, from which many textures are cut at once."""
+"""Pictures in one block of memory on a device, from which many textures are cut at once."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ TEXTURE = 160
 
 
 class Textures:
-    """The pictures that are large enough for a texture, 8 bit: all of them stay in the device's memory."""
+    """The pictures that are large enough for a texture, 8 bit. All of them stay in the device's memory."""
 
     def __init__(self, pictures: Pictures, device: torch.device) -> None:
-        """Raises `ValueError` where no picture is large enough."""
+        """Raises `ValueError` if no picture is large enough."""
         self.pictures = _Large(pictures)
         """The whole pictures."""
         self._sizes = np.array(self.pictures.sizes, np.int64)

@@ -1,4 +1,4 @@
-"""Light fields for validation and evaluation: their views and the low-resolution versions of these."""
+"""Light fields for validation and evaluation: their views, and low-resolution versions of these."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 LEAST = 16
-"""Smallest side of a view in pixels: its low-resolution version must be large enough to be scored."""
+"""Smallest side of a view in pixels, because its low-resolution version must be large enough to be scored."""
 
 
 def read_views(
     path: Path, *, grid: tuple[int, int] | None = None, layout: Layout | None = None, keeps_grey: bool = False
 ) -> NDArray[np.uint8]:
-    """Reads a light field, `(V, U, H, W, 3)` 8-bit RGB, of which `grid` = (V, U) are the middle views, by default all.
+    """Reads the middle `grid` = (V, U) views of a light field, by default all: `(V, U, H, W, 3)`, 8-bit RGB.
 
-    `path`: a folder or a zip of views, or any other light field that `ciir.open` reads. `layout`: how it lies in its
-    file, where a caller can say. `keeps_grey`: whether grey views keep their one channel; else they have three that are
-    equal. 16-bit views are rounded to 8 bits, as if they used all 16 where they use fewer.
+    `path`: a folder or a zip of views, or any other light field that `ciir.open` reads. `layout`: how it is arranged in
+    its file, if the caller knows. `keeps_grey`: whether grey views keep their one channel; otherwise they get three
+    equal ones. 16-bit views are rounded to 8 bits. If they use fewer bits, they are first scaled up to all 16.
 
-    Raises `ValueError` where there is no full grid of views of one size, it is smaller than `grid`, or the views are
+    Raises `ValueError` if there is no full grid of views of one size, it is smaller than `grid`, or the views are
     smaller than `LEAST`.
     """
     if not path.exists():
@@ -52,7 +52,7 @@ def read_views(
             )
         raise ValueError(f"{path}: {message}") from error
     if not isinstance(field, LightField) or field.views.shape[:2] == (1, 1):
-        raise ValueError(f"{path}: no set of views; name a folder of pictures, one for each view, or a container")
+        raise ValueError(f"{path}: not a set of views; name a folder of pictures, one for each view, or a container")
     views = field.views if field.is_transparent() else field.views[..., : 3 if field.views.shape[4] > 2 else 1]
     if views.shape[4] not in (1, 3):
         raise ValueError(f"{path}: views of {views.shape[4]} channels, not all opaque; give grey or RGB")
@@ -75,14 +75,14 @@ def read_views(
 
 
 def degrade_views(views: NDArray[np.uint8], kind: str, scale: int) -> Pair:
-    """Degrades each view as `training.data.downscale.downscale_picture`. Raises `ValueError` as that does."""
+    """Degrades each view with `training.data.downscale.downscale_picture`, and raises the same `ValueError`."""
     made = [downscale_picture(kind, view, scale) for view in views.reshape(-1, *views.shape[2:])]
     return Pair(*(np.stack(part).reshape(*views.shape[:2], *part[0].shape) for part in zip(*made, strict=True)))
 
 
 def compress_array(views: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
-    """Views `(V, U, H, W, C)`, grey or RGB, as they are upscaled of their elemental image array in a JPEG of `quality`,
-    1 to 100: the file's rounding is undone in part.
+    """Returns views `(V, U, H, W, C)`, grey or RGB, as they are upscaled when read from a JPEG of their elemental image
+    array with this `quality`, 1 to 100. Reading partly undoes the file's rounding.
     """
     array = LightField(views).eia().astype(np.uint8)
     data = encode_jpeg(array if array.shape[2] == 3 else array[..., 0], quality)

@@ -9,9 +9,9 @@ KERNEL = 9
 
 
 def make_deconvolution(inputs: int, outputs: int, scale: int) -> nn.ConvTranspose2d:
-    """`(N, inputs, H, W)` -> `(N, outputs, scale*H, scale*W)`, exactly, for every size.
+    """Makes a layer `(N, inputs, H, W)` -> `(N, outputs, scale*H, scale*W)`, which is exact for every size.
 
-    An odd kernel can't lie in the middle of an even number of samples: its support is half a sample to the upper left.
+    An odd kernel can't be centred on an even number of samples, so its support is half a sample to the upper left.
     """
     extra = (KERNEL - scale) % 2
     padding = (KERNEL - scale + extra) // 2

@@ -10,7 +10,9 @@ from ciir.training.networks.lite import conv3x3
 
 
 class ResidualDenseBlock(nn.Module):
-    """`(N, base, H, W)`, same shape: each of `layers` convolutions sees the outputs of all before it (section 3.2)."""
+    """`(N, base, H, W)` -> the same shape. Each of `layers` convolutions sees the outputs of all before it (section
+    3.2).
+    """
 
     def __init__(self, base: int, growth: int, layers: int) -> None:
         super().__init__()
@@ -37,7 +39,7 @@ class RDN(nn.Module):
         body  = first + conv(conv1x1([x_1, ..., x_D]))               global fusion
         image = conv(PixelShuffle_2(conv(body)))                     G0 -> 4 G -> G -> 3
 
-    22.1 million parameters at x2; its initial weights are torch's own.
+    It has 22.1 million parameters at x2. The initial weights are torch's own.
     """
 
     def __init__(

@@ -12,11 +12,11 @@ from ciir.training.networks.lite import conv3x3
 SLOPE = 0.2
 """Negative slope of every LeakyReLU."""
 RESIDUAL = 0.2
-"""Factor on what a block adds to its input (section 3.1)."""
+"""Factor on the change that a block adds to its input (section 3.1)."""
 
 
 class DenseBlock(nn.Module):
-    """`(N, C, H, W)`, same shape: five convolutions, each of which sees the outputs of all before it."""
+    """`(N, C, H, W)` -> the same shape: five convolutions, each of which sees the outputs of all before it."""
 
     def __init__(self, channels: int, growth: int) -> None:
         super().__init__()
@@ -40,7 +40,7 @@ class DenseBlock(nn.Module):
 
 
 class RRDB(nn.Module):
-    """`(N, C, H, W)`, same shape: three dense blocks in a row and a skip around them."""
+    """`(N, C, H, W)` -> the same shape: three dense blocks in a row with a skip around them."""
 
     def __init__(self, channels: int, growth: int) -> None:
         super().__init__()
@@ -62,7 +62,7 @@ class RRDBGenerator(nn.Module):
         x     = LeakyReLU(conv(nearest_x2(x))), x = body at first    C -> C, once for each doubling
         image = conv(LeakyReLU(conv(x)))                             C -> C -> 3
 
-    The published network is x4 (16.7 million parameters); for x2 the second doubling is left out.
+    The published network is x4 (16.7 million parameters). For x2 the second doubling is left out.
     """
 
     def __init__(self, blocks: int = 23, channels: int = 64, growth: int = 32, scale: int = 2) -> None:

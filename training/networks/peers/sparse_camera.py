@@ -1,8 +1,8 @@
 """Two convolutions and a deconvolution, for sparse camera arrays (reference 44 of Wu et al., Applied Sciences 2024).
 
 Wu et al. (section 1) describe it only as "two convolutions, an activation function, and a deconvolution"; the reference
-itself was not at hand. Kernels of 5x5 and 3x3 with 64 and 32 channels follow FSRCNN's and SRCNN's first layers; the
-deconvolution's kernel, twice the scale, lies in the middle of its pixel.
+itself was not available. The kernels of 5x5 and 3x3 with 64 and 32 channels follow FSRCNN's and SRCNN's first layers.
+The deconvolution's kernel is twice the scale and centred on its pixel.
 """
 
 from __future__ import annotations

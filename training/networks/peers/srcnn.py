@@ -16,7 +16,7 @@ class SRCNN(nn.Module):
         large = bicubic(image)
         image = conv5x5(ReLU(conv5x5(ReLU(conv9x9(large)))))         colours -> 64 -> 32 -> colours
 
-    The original works on Y (`colours = 1`, 57,184 weights). Initial weights are He's; zero padding keeps the size.
+    The original works on Y (`colours = 1`, 57,184 weights). The initial weights are He's. Zero padding keeps the size.
     """
 
     def __init__(self, scale: int = 2, colours: int = 3) -> None:

@@ -18,7 +18,7 @@ class ResidualBlock(nn.Module):
         self.second = add_batch_norm(nn.Conv2d(channels, channels, kernel_size=3, padding=1))
 
     def forward(self, x: Tensor) -> Tensor:
-        """Same shape."""
+        """See the class. The shape stays the same."""
         change: Tensor = self.second(self.activation(self.first(x)))
         return x + change
 
@@ -33,7 +33,7 @@ class SRGANGenerator(nn.Module):
         x     = PReLU(PixelShuffle_2(conv(x))), x = body at first    C -> 4C -> C, once for each doubling
         image = conv9x9(x)                                           C -> 3
 
-    The published network is x4; for x2 the second doubling is left out. Its outputs are in [-1, 1], ours in [0, 1].
+    The published network is x4. For x2 the second doubling is left out. Its outputs are in [-1, 1], ours in [0, 1].
     """
 
     def __init__(self, blocks: int = 16, channels: int = 64, scale: int = 2) -> None:

@@ -16,8 +16,8 @@ class VDSR(nn.Module):
         large = bicubic(image)
         image = large + conv(ReLU(conv(... ReLU(conv(large)))))      colours -> 64 -> ... -> 64 -> colours, all 3x3
 
-    The original works on Y (`colours = 1`: 665 thousand weights). Initial weights are He's, but the last convolution
-    starts from a hundredth of them: close to bicubic interpolation.
+    The original works on Y (`colours = 1`: 665 thousand weights). The initial weights are He's, except that the last
+    convolution starts from a hundredth of them, so that the network is close to bicubic interpolation.
     """
 
     def __init__(self, layers: int = 20, channels: int = 64, scale: int = 2, colours: int = 3) -> None:

@@ -1,4 +1,4 @@
-"""Fixtures of pools and tasks."""
+"""Fixtures for pools and tasks."""
 
 import os
 
@@ -17,7 +17,7 @@ from tests.support.workers.pools import COLD
 
 @pytest.fixture
 def open_pool(monkeypatch):
-    """Opens pools of one worker without warm-up, closed at the end."""
+    """Opens pools of one worker without warm-up, and closes them at the end."""
     monkeypatch.setattr(worker_module, "MODULE", COLD)
     pools = []
 

@@ -15,9 +15,9 @@ def browser():
 
 @pytest.fixture
 def page(browser, server):
-    """The page; nothing may fail, and no other host may be asked.
+    """Opens the page. Nothing may fail, and no other host may be contacted.
 
-    `page.expected` are parts of the console's errors that a test expects: a browser reports each refusal there.
+    `page.expected` are parts of the console errors that a test expects, because a browser reports each refusal there.
     """
     context = browser.new_context(accept_downloads=True)
     page, problems = context.new_page(), []

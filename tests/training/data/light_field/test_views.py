@@ -84,7 +84,7 @@ def test_names_without_a_position(tmp_path):
         (lambda a: (a / "view_01_01.png").write_bytes(b"x"), "view_01_01.png: not a picture"),
         (lambda a: Image.new("RGB", (9, 9)).save(a / "view_01_01.png"), "make all views alike"),
         (lambda a: [path.unlink() for path in a.iterdir()], "no files in it"),
-        (lambda a: [path.unlink() for path in a.iterdir() if "00_00" not in path.name], "no set of views; name"),
+        (lambda a: [path.unlink() for path in a.iterdir() if "00_00" not in path.name], "not a set of views; name"),
     ],
 )
 def test_errors_name_the_folder(tmp_path, damage, message):
