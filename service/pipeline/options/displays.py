@@ -66,7 +66,8 @@ DISPLAYS = {
     ),
     "disparity": Option(
         "PIXELS",
-        "of a light field: the disparity of what is to lie in the display's plane (default 0)",
+        "of a light field: the disparity of what is to lie in the display's plane, in pixels of the views as they are "
+        "shown: upscaled, with --model (default 0)",
         make_number(*RANGES["disparity"]),
         "0.5",
     ),
