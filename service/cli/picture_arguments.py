@@ -15,6 +15,7 @@ from ciir.service.pipeline.options import (
     KINDS,
     LENSLET,
     MESH,
+    MODEL_FIRST,
     MODELS,
     ONE_POSE,
     OPTIONS,
@@ -28,7 +29,9 @@ if TYPE_CHECKING:
 
     from ciir.service.pipeline.options import KindName
 
-CONVERSION = tuple(name for name in (*READING, *LENSLET, *MESH, *WRITING, *DISPLAYS) if name != "neighbour_time")
+CONVERSION = tuple(
+    name for name in (*READING, *LENSLET, "model", "scale", *MESH, *WRITING, *DISPLAYS) if name != "neighbour_time"
+)
 """Options of `ciir convert`."""
 _GROUPS = {
     "planes and disparity": FOCUS,
@@ -152,7 +155,7 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         metavar="FORMAT",
         help=f"one of {', '.join([FOLDER, *WHOLE])} (default: chosen by the name of OUT)",
     )
-    add_options(command, CONVERSION, texts=ONE_POSE)
+    add_options(command, CONVERSION, texts={**ONE_POSE, "model": MODEL_FIRST})
     _add_raw_files(command)
     command.add_argument("--report", metavar="FILE", help=report)
 

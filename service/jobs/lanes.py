@@ -76,7 +76,9 @@ def estimate_seconds(request: Request, size: float, pixels: float | None) -> flo
     if request.kind == "upscale":
         return read + (pixels or 0) * options.scale**2 * _price_pixel(options.model, catalogue.DEFAULT)
     if request.kind == "display":
-        return read + _count_rays(request, options) * _SAMPLE
+        larger = 0 if pixels is None or options.model == NO_MODEL else pixels * options.scale**2
+        upscaled = larger * _price_pixel(options.model, catalogue.LIGHT_FIELD_DEFAULT)
+        return read + upscaled + _count_rays(request, options) * _SAMPLE
     if request.kind == "elemental":
         options = replace(options, views="all", model=NO_MODEL)
     if request.kind in ("plane", "disparity"):

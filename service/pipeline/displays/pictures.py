@@ -21,14 +21,16 @@ from ciir.renderer.displays.quilt import join_views
 from ciir.renderer.displays.rays import RayCaster
 from ciir.renderer.displays.screen import Screen
 from ciir.renderer.framing import frame_scene
-from ciir.renderer.readers.view_set.view_files import ViewFiles
+from ciir.renderer.light_field import LightField
 from ciir.renderer.scene import Scene
 from ciir.renderer.writers.formats import check_options
 from ciir.renderer.writers.pictures import BY_SUFFIX
+from ciir.service.pipeline.collection import collect_views
 from ciir.service.pipeline.displays.rays import check_rays, count_rays, find_samples
 from ciir.service.pipeline.job import check_kind
-from ciir.service.pipeline.options import KINDS
+from ciir.service.pipeline.options import KINDS, NO_MODEL
 from ciir.service.pipeline.options.options import Options
+from ciir.service.pipeline.planning.plan import note_scale
 from ciir.service.pipeline.report import Clock, find_versions
 from ciir.service.pipeline.source import Input
 from ciir.service.pipeline.stages.object_check import ObjectCheck
@@ -37,10 +39,10 @@ if TYPE_CHECKING:
     from ciir.renderer.displays.pictures import Kind, Target
     from ciir.renderer.displays.quilt import QuiltLayout, QuiltName
     from ciir.renderer.lens_array import LensArray
-    from ciir.renderer.light_field import LightField
     from ciir.renderer.readers.pictures import Pixels
+    from ciir.renderer.readers.view_set.view_files import ViewFiles
     from ciir.service.pipeline.report import Report
-    from ciir.service.pipeline.source import Source
+    from ciir.service.pipeline.source import Content, Source
 
 
 def make_picture(
@@ -56,9 +58,12 @@ def make_picture(
 ) -> tuple[DisplayPicture, Report]:
     """Makes the picture for the display that `options` describe. Returns it with the report.
 
-    A mesh is cast ray by ray. Without `place` it is centred on the display's plane; with `fit` none it keeps its own
-    place. `kind`: by default the one that the options are for. `named`: the layout in a quilt's name. `suffix`: that of
-    the picture's file, whose format must be able to hold it. `max_pixels`: most pixels of the picture, and most rays.
+    A light field's views are upscaled first if `options` name a model. A mesh is cast ray by ray. Without `place` it is
+    centred on the display's plane; with `fit` none it keeps its own place.
+
+    `kind`: by default the one that the options are for. `named`: the layout in a quilt's name. `suffix`: that of the
+    picture's file, whose format must be able to hold it. `max_pixels`: most pixels of the picture and of the upscaled
+    views, and most rays.
 
     Raises `InputError`.
     """
@@ -71,51 +76,76 @@ def make_picture(
     target = find_target(kind, written, named=named, max_pixels=most)
     with clock.stage("decode"):
         opened = given.open(options, views="all")
-        content = _load_views(opened, target) if isinstance(opened, ViewFiles) else opened
-    _check_options(given.name, content, options, target)
-    if isinstance(content, Scene):
-        BY_SUFFIX[suffix].check(find_size(target), np.dtype(np.uint8))
-    else:
-        BY_SUFFIX[suffix].check(find_size(target, content.views.shape[2:4], most), content.views.dtype)
+    _check_options(given.name, opened, options, target)
+    made: Report = {}
     matrix = None
-    with clock.stage("render" if isinstance(content, Scene) else "map"):
-        if isinstance(content, Scene):
-            if options.place is None and options.fit != "none":
-                options = replace(options, place=0.0)
-            check_rays(count_rays(target, options), max_pixels)
-            matrix = frame_scene(content, _find_array(target), options.placement)
-            picture = _render(content.transform(matrix), options, target, progress)
+    if isinstance(opened, Scene):
+        BY_SUFFIX[suffix].check(find_size(target), np.dtype(np.uint8))
+        made["notes"] = opened.notes
+        if options.place is None and options.fit != "none":
+            options = replace(options, place=0.0)
+        check_rays(count_rays(target, options), max_pixels)
+        with clock.stage("render"):
+            matrix = frame_scene(opened, _find_array(target), options.placement)
+            picture = _render(opened.transform(matrix), options, target, progress)
+    else:
+        scale = 1 if options.model == NO_MODEL else options.scale
+        size = opened.shape[2] * scale, opened.shape[3] * scale
+        BY_SUFFIX[suffix].check(find_size(target, size, most), opened.dtype)
+        if options.model == NO_MODEL:
+            with clock.stage("decode"):
+                light_field = _load_views(opened, target)
+            made["notes"] = [*light_field.notes, *note_scale(options.scale)]
         else:
-            picture = show_light_field(content, target, written, max_pixels=most, progress=progress)
+            wanted = replace(options, views=_name_views(opened, target))
+            light_field, made = collect_views(source, wanted, max_pixels=max_pixels, progress=progress, clock=clock)
+        with clock.stage("map"):
+            picture = show_light_field(light_field, target, written, max_pixels=most, progress=progress)
     report: Report = {
         "input": given.describe(opened),
         "display": _describe(
             kind, replace(target, layout=picture.layout) if isinstance(target, Quilt) and picture.layout else target
         ),
         "scene_transform": None if matrix is None else matrix.tolist(),
+        **{name: made[name] for name in ("plan", "model") if name in made},
         "options": options.as_dict(KINDS["display"].options),
-        "notes": [*(() if isinstance(target, IntegralDisplay) else target.notes), *content.notes, *picture.notes],
+        "notes": [*(() if isinstance(target, IntegralDisplay) else target.notes), *made["notes"], *picture.notes],
         "timings_ms": clock.timings_ms(),
         "versions": find_versions(*(("embreex",) if matrix is not None else ())),
     }
     return picture, report
 
 
-def _load_views(views: ViewFiles, target: Target) -> LightField:
-    """Loads the views that the display shows. For a lenticular display that is the row that `take_row` takes."""
-    if not isinstance(target, IntegralDisplay):
-        row = find_row(views.shape[0], views.depth_sense)
-        views = replace(views, files=views.files[row : row + 1])
-    return views.load()
+def _find_row(views: LightField | ViewFiles, target: Target) -> int | None:
+    """Returns the one row of views that the display shows, or None if it shows all of them."""
+    return None if isinstance(target, IntegralDisplay) else find_row(views.shape[0], views.depth_sense)
 
 
-def _check_options(name: str, content: Scene | LightField, options: Options, target: Target) -> None:
+def _load_views(views: LightField | ViewFiles, target: Target) -> LightField:
+    """Loads the views that the display shows."""
+    if isinstance(views, LightField):
+        return views
+    row = _find_row(views, target)
+    return (views if row is None else replace(views, files=views.files[row : row + 1])).load()
+
+
+def _name_views(views: LightField | ViewFiles, target: Target) -> str:
+    """Returns the views that the display shows as the option `views`."""
+    row = _find_row(views, target)
+    return "all" if row is None else ";".join(f"{row},{u}" for u in range(views.shape[1]))
+
+
+def _check_options(name: str, content: Content, options: Options, target: Target) -> None:
     """Raises `InvalidOption` for an option that is for the other kind of input, or that the display determines."""
     check_kind(name, content, options)
     is_mesh = isinstance(content, Scene)
     for option in ("lenses", "pixels", "pitch", "delta", "parallax") if is_mesh else ():
         if getattr(options, option) is not None:
             raise InvalidOption(f"{option}: this is set by the display; leave it out")
+    if is_mesh and options.model != NO_MODEL:
+        raise InvalidOption(
+            f"model: this is for light fields, and {name} is a mesh, whose pixels are all ray-traced; leave it out"
+        )
     if is_mesh and options.disparity:
         raise InvalidOption(f"disparity: this is for light fields, and {name} is a mesh; give place instead")
     if options.backend == "raster":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -15,18 +14,14 @@ from ciir.renderer.focus.depth_scale import DepthScale
 from ciir.renderer.focus.disparity import estimate_disparity
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scene import Scene
-from ciir.renderer.views import parse_views
-from ciir.renderer.writers.options import WriterOptions
-from ciir.renderer.writers.whole import WholeWriter
+from ciir.service.pipeline.collection import collect_views
 from ciir.service.pipeline.options import NO_MODEL
-from ciir.service.pipeline.run import reconstruct
 from ciir.service.pipeline.source import Input
 
 if TYPE_CHECKING:
     from ciir.renderer.focus.disparity import DisparityMap
     from ciir.renderer.light_field import LightField
     from ciir.renderer.views import DepthSense, View
-    from ciir.renderer.writers.writer import Contents
     from ciir.service.pipeline.options import Options
     from ciir.service.pipeline.report import Clock, Report
     from ciir.service.pipeline.run import Progress
@@ -64,25 +59,6 @@ def estimate_view(captured: Captured, view: View | None, limits: tuple[float, fl
     return estimate_disparity(captured.light_field, view, limits=limits)
 
 
-class _Collector(WholeWriter):
-    """Keeps the light field in memory."""
-
-    name = "focus"
-    light_field: LightField
-
-    def begin(self, contents: Contents) -> None:
-        """Starts the light field. If only some of the views are written, the others are black."""
-        super().begin(replace(contents, views=tuple(parse_views("all", *contents.grid))))
-        assert self._views is not None  # noqa: S101 - made by the line above
-        self._views[:] = 0
-        self._missing = len(contents.views)
-
-    def encode(self, light_field: LightField) -> list[str]:
-        """Keeps the light field; writes nothing."""
-        self.light_field = light_field
-        return []
-
-
 def capture(
     source: Source,
     options: Options,
@@ -96,14 +72,10 @@ def capture(
     The other views are then black. Raises the same errors as `service.pipeline.run.reconstruct`, and `InvalidOption`
     for a single view and for camera options that are incomplete or don't fit.
     """
-    writer = _Collector(io.BytesIO(), WriterOptions())
     with clock.stage("decode"):
-        views = _select_views(source, options)
-    report = reconstruct(
-        source, replace(options, views=views), writer, max_pixels=max_pixels, progress=progress, clock=clock
-    )
+        options = replace(options, views=_select_views(source, options))
+    light_field, report = collect_views(source, options, max_pixels=max_pixels, progress=progress, clock=clock)
     count = len(report.pop("views"))
-    light_field = writer.light_field
     if light_field.shape[0] * light_field.shape[1] == 1:
         raise InvalidOption(
             f"{report['input']['name']}: one view shows no depth; give an elemental image array with lenses or pixels, "

@@ -5,6 +5,7 @@ from ciir.service.pipeline.options.focus import FOCUS
 from ciir.service.pipeline.options.kinds import (
     FILE_TYPES,
     KINDS,
+    MODEL_FIRST,
     MODELS,
     ONE_POSE,
     Kind,
@@ -30,6 +31,7 @@ __all__ = [
     "MAX_SCALE",
     "MESH",
     "MODELS",
+    "MODEL_FIRST",
     "NAMES",
     "NO_MODEL",
     "ONE_POSE",

@@ -66,7 +66,8 @@ DISPLAYS = {
     ),
     "disparity": Option(
         "PIXELS",
-        "for a light field: the disparity of content that should lie in the display's plane (default 0)",
+        "for a light field: the disparity of content that should lie in the display's plane, in pixels of the views as "
+        "they are shown, so after --model (default 0)",
         make_number(*RANGES["disparity"]),
         "0.5",
     ),

@@ -32,7 +32,8 @@ _INPUT = tuple(name for name in (*READING, *LENSLET, *MESH) if name != "neighbou
 """Options of kinds of jobs that use all views."""
 _ANY_SIZE = 2**62
 """A limit in pixels that never applies: the size of a display is checked where the limits are known."""
-_MODEL = "a model that upscales the views first: a name that `ciir models` lists, auto or none (default none)"
+MODEL_FIRST = "a model that upscales the views first: a name that `ciir models` lists, auto or none (default none)"
+"""Help of the option `model` for results that are made of the views."""
 
 ONE_POSE = {name: OPTIONS[name].help.partition("; several")[0] for name in ("rotate", "time")}
 """Help of options for commands in which several values don't make a video."""
@@ -212,13 +213,15 @@ KINDS: dict[KindName, Kind] = {
             "display",
             "Make a picture for a light-field display",
             "a mesh, an EIA picture, or a zip of views",
-            (*DISPLAYS, *_INPUT),
+            (*DISPLAYS, "model", "scale", *_INPUT),
             tuple(USES),
             "panel with a display, lenticular with a calibration, else quilt",
             {
                 **ONE_POSE,
+                "model": MODEL_FIRST,
                 "place": "position of a mesh: -1 behind the display, 0 centred on it, 1 in front of it (default 0)",
             },
+            {"model": NO_MODEL},
             format_check=_check_display,
         ),
         Kind(
@@ -235,7 +238,7 @@ KINDS: dict[KindName, Kind] = {
             "png for one plane, else zip",
             {
                 **ONE_POSE,
-                "model": _MODEL,
+                "model": MODEL_FIRST,
                 "disparity": "focus on content that moves by this many pixels from view to view, in pixels of the "
                 "views that are read; as in `ciir depth`, larger is nearer, and 0 is the lens array's plane or, for "
                 "parallel cameras, infinity",
@@ -251,7 +254,7 @@ KINDS: dict[KindName, Kind] = {
             ("view", "limits", "model", "scale", *_INPUT),
             (*maps.FORMATS, *MODELS, "zip"),
             "pfm",
-            {**ONE_POSE, "model": _MODEL},
+            {**ONE_POSE, "model": MODEL_FIRST},
             {"model": NO_MODEL},
             (Options.check_limits,),
         ),

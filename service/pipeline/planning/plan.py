@@ -49,6 +49,11 @@ class Plan:
     """Notes for the user on the selected model, and on options that change nothing."""
 
 
+def note_scale(scale: int) -> tuple[str, ...]:
+    """Returns a note if `scale` was given although no model upscales."""
+    return () if scale in (1, Options.scale) else (f"scale: {scale} changes nothing with model none",)
+
+
 def make_plan(job: Job) -> Plan:
     """Makes the plan for `job`. Raises `UnsupportedScale` if its model doesn't upscale by its scale."""
     reasons: list[str] = []
@@ -62,8 +67,7 @@ def make_plan(job: Job) -> Plan:
         return Plan(strategy, NO_MODEL, job.scale, LENSLET_SAMPLES, tuple(reasons))
     if job.model == NO_MODEL:
         reasons.append("model none: views are written as they were made, pixel for pixel; scale doesn't apply")
-        ignored = () if job.scale in (1, Options.scale) else (f"scale: {job.scale} changes nothing with model none",)
-        return Plan(strategy, NO_MODEL, 1, job.samples, tuple(reasons), notes=ignored)
+        return Plan(strategy, NO_MODEL, 1, job.samples, tuple(reasons), notes=note_scale(job.scale))
     selected = select_model(job)
     model = catalogue.get_entry(selected.model)
     _check_scale(job, model)

@@ -141,6 +141,12 @@ def test_pictures_for_displays_count_by_their_rays(options, expected):
     assert choose_lane(request, io.BytesIO(CUBE)) == expected
 
 
+@pytest.mark.parametrize(("model", "expected"), [("none", "small"), ("bicubic", "small"), ("best", "large")])
+def test_pictures_for_displays_count_by_the_views_that_are_upscaled(model, expected):
+    request = Request("upload.png", {"display": PANEL.format(300, 200), "model": model}, None, "display")
+    assert choose_lane(request, io.BytesIO(make_png_header(1500, 1500))) == expected
+
+
 def test_a_picture_whose_start_does_not_say_its_size_is_a_large_job():
     assert measure_pixels(io.BytesIO(make_png_header(30, 20))) == 600
     assert measure_pixels(io.BytesIO(b"\xff\xd8\xff damaged")) == float("inf")

@@ -11,15 +11,14 @@ from ciir.renderer.writers.formats import FOLDER, WHOLE_BY_SUFFIX, find_implied,
 from ciir.service import outputs
 from ciir.service.cli import common, output_path
 from ciir.service.cli.display_pictures import find_display, write_picture
-from ciir.service.pipeline.options import NO_MODEL
 
 if TYPE_CHECKING:
     import argparse
 
 
 def run(args: argparse.Namespace) -> None:
-    """Writes all views as they are, and prints a line about them."""
-    options = common.parse_options(args)
+    """Writes all views, as they are or upscaled, and prints a line about them."""
+    options = common.parse_options(args, "display")
     if options.moments:
         (varied,) = options.moments[0]
         raise InvalidOption(
@@ -33,7 +32,7 @@ def run(args: argparse.Namespace) -> None:
     path = Path(args.out)
     name = _find_format(args.to or find_implied(path, options.make_writer_options()), args.out)
     output_path.check_places(args)
-    options = replace(options, views="all", model=NO_MODEL)
+    options = replace(options, views="all")
     source = common.open_input(args, options)
     with common.progress_bar("view") as progress:
         if name is None:
@@ -42,7 +41,8 @@ def run(args: argparse.Namespace) -> None:
             report = outputs.write_file(source, options, path, name, progress=progress)
     common.write_report(report, args.report)
     array = report["lens_array"]
-    grid, size = f"{array['pixels_v']}x{array['pixels_u']}", f"{array['rows']}x{array['cols']}"
+    scale = report["plan"]["scale"]
+    grid, size = f"{array['pixels_v']}x{array['pixels_u']}", f"{array['rows'] * scale}x{array['cols'] * scale}"
     what = "folder of views" if name is None else name
     common.print_line(f"{args.out}: {what}, {grid} views of {size} pixels ({common.format_timings(report)})")
 

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+import ciir
 from ciir.renderer.displays.integral import parse_display
 from ciir.renderer.displays.panel import resample_panel
 from ciir.renderer.displays.quilt import QuiltLayout, QuiltName, parse_name, split_quilt
@@ -50,6 +51,12 @@ def test_a_quilts_name_holds_its_layout(client, views):
     assert parse_name(name_of(kept)) == QuiltName(3, 2, 1.0)
     assert parse_name(name_of(post(client, views, device="8.9"))) == QuiltName(5, 9, 1.6)
     assert parse_name(name_of(post(client, views, device="8.9", aspect="1.25"))) == QuiltName(5, 9, 1.25)
+
+
+def test_views_are_upscaled_first(client, views):
+    large = post(client, views, quilt="3x2", model="bicubic", scale="3")
+    expected = ciir.upscale(FIELD, model="bicubic", scale=3).views[0]
+    assert np.array_equal(split_quilt(read(large), QuiltLayout(3, 2, 1.0), name="q"), expected)
 
 
 @pytest.mark.parametrize("is_file", [True, False])

@@ -3,6 +3,7 @@ import json
 import numpy as np
 import pytest
 
+import ciir
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.pictures import decode
 from ciir.service.cli.main import main
@@ -23,6 +24,14 @@ def test_every_view_is_kept_as_it_is(given, tmp_path, capsys, name):
     assert main(["convert", str(tmp_path / name), "-o", str(back), "--order", "given"]) == 0
     np.testing.assert_array_equal(np.load(back), FIELD.views)
     assert "3x4 views of 6x5 pixels" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("scale", [2, 3])
+def test_views_are_upscaled_first(given, tmp_path, capsys, scale):
+    out = tmp_path / "out.npy"
+    assert main(["convert", str(given), "-o", str(out), "--model", "bicubic", "--scale", str(scale)]) == 0
+    np.testing.assert_array_equal(np.load(out), ciir.upscale(FIELD, model="bicubic", scale=scale).views)
+    assert f"3x4 views of {6 * scale}x{5 * scale} pixels" in capsys.readouterr().out
 
 
 def test_a_picture_is_the_elemental_image_array_as_lenses_see_it(given, tmp_path, capsys):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import ciir
 from ciir.renderer.displays.devices import DEVICES
 from ciir.renderer.displays.lenticular import interlace, parse_calibration
 from ciir.renderer.displays.quilt import QuiltLayout, split_quilt
@@ -15,6 +16,7 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service.cli.main import main
+from ciir.service.pipeline.displays import pictures as displays
 from tests.support.displays import CALIBRATION
 from tests.support.light_fields import make_views
 
@@ -123,6 +125,42 @@ def test_of_a_set_of_views_only_the_middle_row_is_decoded(folder, sense):
     assert np.array_equal(found, VIEWS[1, :5])
 
 
+@pytest.mark.parametrize("words", ["-o a_qs3x2a1.png", "-o a.png --calibration c.json", "-o a.png --display p.toml"])
+@pytest.mark.parametrize("scale", [2, 3])
+def test_views_are_upscaled_first(folder, words, scale):
+    """As if the upscaled light field had been the input, with the same unit of `disparity`."""
+    ciir.upscale(ciir.open("in.npz"), model="bicubic", scale=scale).save("large.npz")
+    pictures = []
+    for given in (f"in.npz --model bicubic --scale {scale}", "large.npz"):
+        assert convert(f"{given} {words} --disparity 0.5 --order given --report r.json") == 0
+        report = json.loads((folder / "r.json").read_text())
+        pictures.append(read(folder / words.split()[1]))
+        assert report.get("plan", {}).get("model") == (None if given == "large.npz" else "bicubic")
+    assert np.array_equal(*pictures)
+
+
+@pytest.mark.parametrize("sense", ["cameras", "lenses"])
+def test_only_the_middle_row_is_upscaled_for_a_quilt(folder, monkeypatch, sense):
+    upscaled = []
+    collect = displays.collect_views
+
+    def spy(source, options, **others):
+        upscaled.append(options.views)
+        return collect(source, options, **others)
+
+    monkeypatch.setattr(displays, "collect_views", spy)
+    LightField(VIEWS[[0, 1, 2, 2], :3], depth_sense=sense).save("four.npz")
+    assert convert("four.npz -o q_qs3x1a1.png --model bicubic --order given") == 0
+    assert upscaled == ["1,0;1,1;1,2" if sense == "cameras" else "2,0;2,1;2,2"]
+    assert convert("four.npz -o p.png --display p.toml --model bicubic --order given") == 0
+    assert upscaled[1:] == ["all"]
+
+
+def test_a_scale_without_a_model_is_noted(folder, capsys):
+    assert convert("in.npz -o q_qs3x2a1.png --scale 3") == 0
+    assert "note: scale: 3 changes nothing with model none" in capsys.readouterr().err
+
+
 def test_a_quilt_becomes_a_native_picture(folder, capsys):
     assert convert("in.npz -o q_qs8x6a1.png") == 0
     assert convert("q_qs8x6a1.png -o native.png --to lenticular --calibration c.json --disparity 0.5") == 0
@@ -196,6 +234,11 @@ def test_with_fit_none_a_mesh_stays_at_its_own_place(folder):
             "in.npz -o a_qs3x2a1.mp4",
             "a_qs3x2a1.mp4: _qs3x2a1 names a quilt, and mp4 holds no quilts; end the name with",
         ),
+        (
+            "scene:vase -o a.png --display p.toml --model auto",
+            "model: this is for light fields, and scene:vase is a mesh, whose pixels are all ray-traced; leave it out",
+        ),
+        ("in.npz -o a_qs3x2a1.png --model none-such", "model: no 'none-such' here"),
         ("scene:vase -o a.png --display p.toml --backend raster", "backend: pictures for displays are ray-traced"),
     ],
 )
