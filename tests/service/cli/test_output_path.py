@@ -185,7 +185,7 @@ def test_frames_that_ciir_did_not_make_are_refused_where_frames_come(folder):
     contents = Contents(((0, 0), (0, 1)), (1, 2), 4, 4, 3, np.dtype(np.uint8), times=(0.0, 1.0))
     with FolderWriter(folder) as writer:
         writer.begin(replace(contents, times=()))
-    with FolderWriter(folder) as writer, pytest.raises(InvalidOption, match=r"frame_0007.png is there, .*remove"):
+    with FolderWriter(folder) as writer, pytest.raises(InvalidOption, match=r"frame_0007.png is there .*remove"):
         writer.begin(contents)
     assert views(folder) == ["frame_0007.png"]
 
