@@ -167,7 +167,7 @@ def reconstruct_case(case: Case, model: str) -> Result:
     source, options = case.source, replace(case.options, model=model)
     if isinstance(source, Scene):
         plan = make_plan(resolve_job(case.input, source, options, max_views=DEFAULT_LIMITS.views))
-        if plan.is_light_field and plan.view_windows is None:
+        if plan.is_light_field and not plan.moves_array:
             source = LightField(case.views)
             options = Options(views=f"{case.at[0]},{case.at[1]}", model=plan.model, sampling=options.sampling)
     pictures, report = reconstruct_views(source, options)

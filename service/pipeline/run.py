@@ -19,6 +19,7 @@ from ciir.service.pipeline.planning.plan import Plan, make_plan
 from ciir.service.pipeline.planning.prediction import predict_plan
 from ciir.service.pipeline.report import Clock, Report, describe_array, find_versions, skip_reasons
 from ciir.service.pipeline.source import Content, Input, Source
+from ciir.service.pipeline.stages import moved_array
 from ciir.service.pipeline.stages.arrangement import Arrangement
 from ciir.service.pipeline.stages.batches import make_views, upscale_batches
 from ciir.service.pipeline.stages.frames import FrameWriter, join_reports
@@ -188,7 +189,7 @@ def _reconstruct(
         plan = plan or make_plan(job)
         predicted = predict_plan(job, plan)
         views = open_source(job, plan, clock)
-        given_as = {plan.view_windows.find_place(view) if plan.view_windows else view: view for view in job.wanted}
+        given_as = {moved_array.find_place(view) if plan.moves_array else view: view for view in job.wanted}
         batches = _schedule(job, plan, views, list(given_as))
     statistics = SkipStatistics()
     upscale: UpscaleViews | None = None
@@ -264,8 +265,8 @@ def _schedule(job: Job, plan: Plan, views: ViewSource, wanted: Sequence[View]) -
 
 def _arrange(job: Job, plan: Plan) -> Arrangement:
     """Returns which views are neighbours. The pictures are examined for this only if the model takes several views."""
-    if plan.view_windows is not None:
-        return Arrangement(plan.view_windows.list_grid(job.grid))
+    if plan.moves_array:
+        return Arrangement(moved_array.list_grid(job.grid))
     return job.arrangement if plan.is_light_field else Arrangement(job.grid)
 
 

@@ -6,16 +6,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ciir.models import catalogue, processor
-from ciir.models.light_field.windows import MINIMUM_GRID
+from ciir.models.light_field.windows import MINIMUM_GRID, WINDOW_SIDE
+from ciir.service.pipeline.limits import MAX_VIEW_SAMPLES
 from ciir.service.pipeline.options import AUTO, NO_MODEL
 from ciir.service.pipeline.planning.prediction import count_rendered, predict_extra
-from ciir.service.pipeline.stages.view_windows import find_view_windows
+from ciir.service.pipeline.stages.moved_array import count_samples, is_possible
 
 if TYPE_CHECKING:
     from ciir.models.catalogue import Entry
     from ciir.renderer.scene import Scene
     from ciir.service.pipeline.job import Job
-    from ciir.service.pipeline.stages.view_windows import ViewWindows
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class Selection:
     """A name of the catalogue, or `none`."""
     is_light_field: bool = False
     """Whether it takes a view together with its neighbours."""
-    view_windows: ViewWindows | None = None
-    """The windows rendered around a mesh's views; None if windows consist of the lens array's own views."""
+    moves_array: bool = False
+    """Whether a mesh's views are rendered through a lens array at several positions, in place of their neighbours."""
     reasons: tuple[str, ...] = ()
     """Sentences for the report."""
     note: str = ""
@@ -39,8 +39,9 @@ def select_model(job: Job) -> Selection:
 
     `auto` takes the default light-field network, which is more accurate on all grids that it takes (docs/accuracy.md).
     If there is a reason against it, `auto` takes the default network for single pictures. Both are int8 networks if the
-    processor supports them. For a light-field network, a mesh's neighbouring views have to be rendered: `auto` does
-    that if the whole job is predicted to take at most `job.neighbour_time` longer. If views can't help each other, the
+    processor supports them. For a light-field network a mesh is rendered through a lens array that is moved
+    (`service.pipeline.stages.moved_array`), or else the neighbouring views are rendered: `auto` does the first of these
+    that is predicted to make the whole job at most `job.neighbour_time` longer. If views can't help each other, the
     default for single pictures replaces a light-field network.
     """
     if job.model == NO_MODEL:
@@ -58,23 +59,23 @@ def select_model(job: Job) -> Selection:
         spaced = _describe_stride(job)
         reasons = (f"{job.model}: {spaced}",) if spaced else ()
         return Selection(job.model, True, reasons=reasons, note=_describe_wrong_order(job))
-    view_windows, rendered = _find_view_windows(job, job.mesh, networks[job.model], networks[default])
+    moves_array, rendered = _judge_moving(job, job.mesh, networks[job.model], networks[default])
     neighbours = count_rendered(job) - len(job.wanted)
-    if view_windows is None and neighbours:
+    if not moves_array and neighbours:
         rendered = f": views around those asked for are rendered too, {neighbours} of them"
-    return Selection(job.model, True, view_windows, (f"{job.model}{rendered}",) if rendered else ())
+    return Selection(job.model, True, moves_array, (f"{job.model}{rendered}",) if rendered else ())
 
 
 def _select_automatically(job: Job, networks: dict[str, Entry]) -> Selection:
     """Selects the model for `auto` from the installed `networks`, by name."""
     default, light_field = catalogue.default_name(), catalogue.light_field_default_name()
     reason, rendered = _reason_against(light_field, networks.get(light_field), job), ""
-    view_windows = None
+    moves_array = False
     if not reason and job.mesh is not None:
         compared = networks[light_field], networks[default]
-        view_windows, rendered = _find_view_windows(job, job.mesh, *compared)
-        if view_windows is None:
-            reason, rendered = _judge_neighbours(job, job.mesh, *compared, None)
+        moves_array, rendered = _judge_moving(job, job.mesh, *compared)
+        if not moves_array:
+            reason, rendered = _judge_neighbours(job, job.mesh, *compared)
     if reason:
         precision = _describe_precision(networks[default])
         return Selection(default, reasons=(f"model auto: {default}, view by view, as {reason}{precision}",))
@@ -82,7 +83,7 @@ def _select_automatically(job: Job, networks: dict[str, Entry]) -> Selection:
     spaced = _describe_stride(job)
     rendered += f"; {spaced}" if spaced else ""
     why = f"model auto: {light_field}, as {_views(job)} help each other{rendered}{precision}"
-    return Selection(light_field, True, view_windows, (why,), _describe_wrong_order(job))
+    return Selection(light_field, True, moves_array, (why,), _describe_wrong_order(job))
 
 
 def _describe_precision(network: Entry) -> str:
@@ -125,29 +126,30 @@ def _describe_wrong_order(job: Job) -> str:
     )
 
 
-def _find_view_windows(job: Job, mesh: Scene, light_field: Entry, single: Entry) -> tuple[ViewWindows | None, str]:
-    """Returns the windows of views to render around those of `mesh`, and a description of their cost.
+def _judge_moving(job: Job, mesh: Scene, light_field: Entry, single: Entry) -> tuple[bool, str]:
+    """Returns whether views of `mesh` are rendered through a moved lens array for `light_field`, and what that costs.
 
-    Returns None if that costs too much, and for several frames, which are framed together later. Nothing is predicted
-    for a network that can't run either; its error names the remedy later.
+    Nothing is predicted for a network that can't run; its error names the remedy later.
     """
     can_run = job.scale in light_field.scales and not light_field.unsupported_reason
-    is_considered = can_run and job.frames == 1 and job.neighbour_time > 0
-    found = find_view_windows(mesh, job.array, job.placement, job.scene_transform) if is_considered else None
-    if found is None:
-        return None, ""
-    against, rendered = _judge_neighbours(job, mesh, light_field, single, found)
-    return (None, "") if against else (found, rendered)
+    bound = 1000 * job.neighbour_time
+    samples = count_samples(job.array) * len(job.wanted) * job.frames
+    is_over = job.max_pixels is not None and samples > job.max_pixels
+    if not can_run or not bound or is_over or not is_possible(job.array, MAX_VIEW_SAMPLES):
+        return False, ""
+    extra = predict_extra(job, mesh, light_field, single, moves_array=True, bound=bound)
+    if extra > bound:
+        return False, ""
+    rendered = f"; each is rendered through the lens array at {WINDOW_SIDE}x{WINDOW_SIDE} positions"
+    return True, f"{rendered}: {_compare(extra, single, bound)}"
 
 
-def _judge_neighbours(
-    job: Job, mesh: Scene, light_field: Entry, single: Entry, view_windows: ViewWindows | None
-) -> tuple[str, str]:
+def _judge_neighbours(job: Job, mesh: Scene, light_field: Entry, single: Entry) -> tuple[str, str]:
     """Returns why the neighbours of the wanted views of `mesh` are not rendered for `light_field`, and what they cost.
 
     The reason is empty if they are rendered; the cost is empty if there are no neighbours.
     """
-    neighbours = count_rendered(job, view_windows) - len(job.wanted)
+    neighbours = count_rendered(job) - len(job.wanted)
     if not neighbours:
         return "", ""
     if over := _count_excess(job, neighbours):
@@ -155,12 +157,15 @@ def _judge_neighbours(
     bound = 1000 * job.neighbour_time
     if not bound:
         return f"{light_field.name} would need {neighbours} more views rendered, and neighbour_time 0 allows none", ""
-    extra = predict_extra(job, mesh, light_field, single, view_windows, bound=bound)
-    times = f"about {extra:.0f} ms more than {single.name} alone, and neighbour_time allows {bound:.0f} ms"
+    extra = predict_extra(job, mesh, light_field, single, moves_array=False, bound=bound)
+    times = _compare(extra, single, bound)
     if extra > bound:
         return f"{light_field.name} would need {neighbours} more views rendered around those asked for: {times}", ""
-    spacing = f", {view_windows.spacing:.2g} times as far apart as the lens array's," if view_windows else ""
-    return "", f"; {neighbours} more{spacing} are rendered around those asked for: {times}"
+    return "", f"; {neighbours} more are rendered around those asked for: {times}"
+
+
+def _compare(extra: float, single: Entry, bound: float) -> str:
+    return f"about {extra:.0f} ms more than {single.name} alone, and neighbour_time allows {bound:.0f} ms"
 
 
 def _count_excess(job: Job, neighbours: int) -> int:

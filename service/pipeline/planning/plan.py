@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import BackendUnavailable, UnsupportedScale
 from ciir.models import catalogue
+from ciir.models.light_field.windows import WINDOW_SIDE
 from ciir.renderer import backends
 from ciir.renderer.sampling import LENSLET_SAMPLES
 from ciir.service.pipeline.limits import MAX_VIEW_SAMPLES
@@ -15,12 +16,12 @@ from ciir.service.pipeline.options import NO_MODEL, Options
 from ciir.service.pipeline.planning import cost
 from ciir.service.pipeline.planning.model_selection import select_model
 from ciir.service.pipeline.planning.prediction import predict_times
+from ciir.service.pipeline.stages.moved_array import count_samples
 
 if TYPE_CHECKING:
     from ciir.models.catalogue import Entry
     from ciir.service.pipeline.job import Job
     from ciir.service.pipeline.limits import Strategy
-    from ciir.service.pipeline.stages.view_windows import ViewWindows
 
 
 @dataclass(frozen=True)
@@ -43,8 +44,8 @@ class Plan:
     """Whether upscaled views are brought closer to the means that lenslets saw (`models.back_projection`)."""
     finds_sampling: bool = False
     """Whether to find out if a light-field network's views are filtered or means (`models.light_field.sampling`)."""
-    view_windows: ViewWindows | None = None
-    """The windows rendered around a mesh's views; None if windows consist of the lens array's own views."""
+    moves_array: bool = False
+    """Whether a mesh's views are rendered through a lens array at several positions, in place of their neighbours."""
     notes: tuple[str, ...] = ()
     """Notes for the user on the selected model, and on options that change nothing."""
 
@@ -81,16 +82,17 @@ def make_plan(job: Job) -> Plan:
         why = "views with transparency" if is_network else "interpolation"
         reasons.append(f"sampling lenslet: changes nothing in {why}")
         notes.append(reasons[-1])
+    samples = WINDOW_SIDE if selected.moves_array and job.samples > 1 else job.samples
     return Plan(
         strategy,
         selected.model,
         job.scale,
-        job.samples,
+        samples,
         tuple(reasons),
         selected.is_light_field,
         restores_means,
         selected.is_light_field and job.mesh is None and job.sampling != "lenslet",
-        selected.view_windows,
+        selected.moves_array,
         tuple(notes),
     )
 
@@ -122,7 +124,7 @@ def _select_strategy(job: Job) -> tuple[Strategy, str]:
     model = catalogue.get_entry(name)
     pixels = job.array.rows * job.array.cols
     rays: dict[Strategy, int] = {
-        "upscale": pixels * job.samples**2,
+        "upscale": count_samples(job.array) if selected.moves_array else pixels * job.samples**2,
         "direct": pixels * (job.scale * LENSLET_SAMPLES) ** 2,
     }
     limit = job.max_pixels
@@ -134,7 +136,7 @@ def _select_strategy(job: Job) -> tuple[Strategy, str]:
         return "direct", f"direct, as {name} doesn't upscale by {job.scale}"
     if model.unsupported_reason:
         return "direct", f"direct, as {model.unsupported_reason}"
-    predicted = predict_times(job, mesh, model, rays, selected.view_windows)
+    predicted = predict_times(job, mesh, model, rays, moves_array=selected.moves_array)
     taken = min(predicted, key=predicted.__getitem__)
     backend = backends.predict_backend(
         job.backend, triangles=mesh.triangles, rays=rays[taken], is_see_through=mesh.is_see_through
@@ -142,7 +144,7 @@ def _select_strategy(job: Job) -> tuple[Strategy, str]:
     if backend == "raster" and not backends.is_backend_open("raster"):
         with suppress(BackendUnavailable):  # `predict_backend` then predicts ray tracing
             backends.open_backend("raster")
-        predicted = predict_times(job, mesh, model, rays, selected.view_windows)
+        predicted = predict_times(job, mesh, model, rays, moves_array=selected.moves_array)
         taken = min(predicted, key=predicted.__getitem__)
     names = {"upscale": f"upscale by {name}", "direct": "direct"}
     (other,) = predicted.keys() - {taken}

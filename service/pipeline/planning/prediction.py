@@ -13,6 +13,7 @@ from ciir.renderer import backends
 from ciir.renderer.framing import CLEARANCE, FILL
 from ciir.service.pipeline.options import NO_MODEL
 from ciir.service.pipeline.planning import cost
+from ciir.service.pipeline.stages.moved_array import count_samples
 from ciir.service.pipeline.stages.schedule import batch_size
 
 if TYPE_CHECKING:
@@ -25,26 +26,26 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.limits import Strategy
     from ciir.service.pipeline.planning.cost import Costs
     from ciir.service.pipeline.planning.plan import Plan
-    from ciir.service.pipeline.stages.view_windows import ViewWindows
 
 UNSURE = 3.0
 """Within this factor of a bound, typical costs don't decide; this machine is measured instead."""
 
 
-def count_rendered(job: Job, view_windows: ViewWindows | None = None) -> int:
-    """Counts the views of a mesh that a light-field network needs: the wanted ones and their neighbours."""
-    if view_windows is None:
-        return len(list_required_views(job.wanted, job.grid))
-    return len(list_required_views([*map(view_windows.find_place, job.wanted)], view_windows.list_grid(job.grid)))
+def count_rendered(job: Job) -> int:
+    """Counts the views of the lens array that a light-field network needs: the wanted ones and their neighbours."""
+    return len(list_required_views(job.wanted, job.grid))
 
 
 def predict_times(
-    job: Job, mesh: Scene, model: Entry, rays: dict[Strategy, int], view_windows: ViewWindows | None
+    job: Job, mesh: Scene, model: Entry, rays: dict[Strategy, int], *, moves_array: bool
 ) -> dict[Strategy, float]:
-    """Returns the milliseconds from the mesh to encoded views for each strategy, with `rays` rays for each view."""
+    """Returns the milliseconds from the mesh to encoded views for each strategy, with `rays` rays for each view.
+
+    `moves_array`: whether views are rendered through a moved lens array in place of their neighbours.
+    """
     costs, wanted = cost.costs(), len(job.wanted)
     return {
-        "upscale": _predict_with_model(job, mesh, model, rays["upscale"], costs=costs, view_windows=view_windows),
+        "upscale": _predict_with_model(job, mesh, model, rays["upscale"], costs=costs, moves_array=moves_array),
         "direct": _total(job, [_predict_rendering(job, mesh, rays["direct"], wanted, costs)], job.scale),
     }
 
@@ -58,8 +59,9 @@ def predict_plan(job: Job, plan: Plan) -> float:
     stages: list[cost.Stage] = []
     if job.mesh is not None:
         side = plan.samples * (plan.scale if plan.strategy == "direct" else 1)
-        rendered = count_rendered(job, plan.view_windows) if plan.is_light_field else wanted
-        stages.append(_predict_rendering(job, job.mesh, pixels * side**2, rendered, costs))
+        rays = count_samples(job.array) if plan.moves_array else pixels * side**2
+        rendered = count_rendered(job) if plan.is_light_field and not plan.moves_array else wanted
+        stages.append(_predict_rendering(job, job.mesh, rays, rendered, costs))
     if plan.model != NO_MODEL:
         model = catalogue.get_entry(plan.model)
         stages.append(_predict_upscaling(job, model, costs))
@@ -67,20 +69,21 @@ def predict_plan(job: Job, plan: Plan) -> float:
 
 
 def predict_extra(
-    job: Job, mesh: Scene, light_field: Entry, single: Entry, view_windows: ViewWindows | None, *, bound: float
+    job: Job, mesh: Scene, light_field: Entry, single: Entry, *, moves_array: bool, bound: float
 ) -> float:
     """Predicts how many milliseconds more the views of `mesh` take with the network `light_field` than with `single`.
 
     That includes rendering the neighbouring views. Typical costs, which need no measurement, are used if they leave no
     doubt whether the result is over `bound` milliseconds.
     """
-    rays = job.array.rows * job.array.cols * job.samples**2
+    own = job.array.rows * job.array.cols * job.samples**2
+    needed = count_samples(job.array) if moves_array else own
     extra = 0.0
     for measure in (False, True):
         costs = cost.costs(measure=measure)
         taken = (
-            _predict_with_model(job, mesh, model, rays, costs=costs, view_windows=view_windows)
-            for model in (light_field, single)
+            _predict_with_model(job, mesh, model, rays, costs=costs, moves_array=moves_array)
+            for model, rays in ((light_field, needed), (single, own))
         )
         extra = next(taken) - next(taken)
         if not bound / UNSURE < extra < bound * UNSURE:
@@ -88,11 +91,9 @@ def predict_extra(
     return max(0.0, extra)
 
 
-def _predict_with_model(
-    job: Job, mesh: Scene, model: Entry, rays: int, *, costs: Costs, view_windows: ViewWindows | None
-) -> float:
+def _predict_with_model(job: Job, mesh: Scene, model: Entry, rays: int, *, costs: Costs, moves_array: bool) -> float:
     """Predicts the milliseconds of the job if `model` upscales its views."""
-    rendered = count_rendered(job, view_windows) if model.is_light_field else len(job.wanted)
+    rendered = count_rendered(job) if model.is_light_field and not moves_array else len(job.wanted)
     upscaling = _predict_upscaling(job, model, costs)
     return _total(job, [_predict_rendering(job, mesh, rays, rendered, costs), upscaling], job.scale)
 

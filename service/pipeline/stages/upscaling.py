@@ -12,6 +12,7 @@ from ciir.bit_depth import count_unused_camera_bits, limit_levels
 from ciir.models import catalogue
 from ciir.models.back_projection import restore_means
 from ciir.models.light_field.finishing import MINIMUM_FALLBACK_SHARE
+from ciir.service.pipeline.stages import moved_array
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -64,7 +65,7 @@ def _load_model(plan: Plan, arrangement: Arrangement, skip: bool, statistics: Sk
             skip=skip,
             statistics=statistics,
             finds_sampling=plan.finds_sampling,
-            disparities=plan.view_windows.disparities if plan.view_windows else None,
+            disparities=moved_array.DISPARITIES if plan.moves_array else None,
         )
 
         def upscale_light_field(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, list[Finishing]]:

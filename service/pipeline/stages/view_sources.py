@@ -10,6 +10,7 @@ import numpy as np
 from ciir.renderer.backends.culling import cull_if_worthwhile
 from ciir.renderer.readers.view_set.view_files import ViewFiles
 from ciir.service.pipeline.limits import check_view_samples
+from ciir.service.pipeline.stages import moved_array
 from ciir.service.pipeline.stages.object_check import ObjectCheck
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from ciir.renderer.lens_array import LensArray
     from ciir.renderer.light_field import LightField
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.scene import Scene
@@ -42,10 +44,11 @@ class MeshViews:
     def __init__(self, mesh: Scene, job: Job, plan: Plan, clock: Clock) -> None:
         self._mesh, self._job, self._plan, self._clock = mesh, job, plan, clock
         self._array = job.array.refine(plan.scale) if plan.strategy == "direct" else job.array
-        self._views_array = plan.view_windows.refine(self._array) if plan.view_windows else self._array
         check_view_samples(self._array, plan.samples, plan.strategy)
-        self.samples = self._array.rows * self._array.cols * plan.samples**2
-        """Points of the mesh that are sampled for a view."""
+        rays = self._array.rows * self._array.cols * plan.samples**2
+        self._rays = moved_array.count_samples(self._array) if plan.moves_array else rays
+        self.samples = moved_array.count_samples_each(self._array) if plan.moves_array else rays
+        """Points of the mesh that are sampled for each picture of `make_views`."""
         self.sample: Pixels = np.zeros((1, 1, 3), np.uint8)
         """A pixel, `(1, 1, C)`, with the channels and the depth of the views."""
         self._check, self._notes = ObjectCheck(job.background, hides_backs=mesh.hides_backs), set[str]()
@@ -59,7 +62,7 @@ class MeshViews:
             self._backend, self._reason = open_backend(
                 self._job.backend,
                 triangles=self._mesh.triangles,
-                rays=self.samples,
+                rays=self._rays,
                 is_see_through=self._mesh.is_see_through,
             )
             self._matrix = self._job.scene_transform
@@ -68,15 +71,22 @@ class MeshViews:
     def make_views(self, views: Sequence[View]) -> Iterator[NDArray[Any]]:
         """Renders each view, `(rows, cols, 3)` 8 bit, or `scale` times as large with the plan `direct`.
 
-        If the plan has view windows, `views` are places in their grid.
+        If the plan moves the lens array, `views` are places in the grid of `moved_array.list_grid`.
         """
-        scene, samples = self._placed, self._plan.samples
+        if not self._plan.moves_array:
+            return self._render(self._array, views, self._plan.samples)
+        shown = list(dict.fromkeys(map(moved_array.find_view, views)))
+        sampled = self._render(moved_array.refine_array(self._array), shown, samples=1)
+        return moved_array.take_pictures(sampled, views, averages=self._plan.samples > 1)
+
+    def _render(self, array: LensArray, views: Sequence[View], samples: int) -> Iterator[NDArray[Any]]:
+        scene = self._placed
         if self._job.skip:
             with self._clock.stage("render"):
-                scene = cull_if_worthwhile(scene, self._views_array, views, self._backend.name, samples=samples)
+                scene = cull_if_worthwhile(scene, array, views, self._backend.name, samples=samples)
                 self._triangles_left = scene.triangles
         pictures = self._backend.render_views(
-            scene, self._views_array, views, samples=samples, background=self._job.background, notes=self._notes
+            scene, array, views, samples=samples, background=self._job.background, notes=self._notes
         )
         return map(self._drop_alpha, pictures)
 

@@ -83,7 +83,10 @@ def test_an_array_takes_the_same(folder):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["scene:vase", "--lens-pitch", "auto"], "lens_pitch: this is for raw lenslet pictures, unlike scene:vase; leave it out"),
+        (
+            ["scene:vase", "--lens-pitch", "auto"],
+            "lens_pitch: this is for raw lenslet pictures, unlike scene:vase",
+        ),
         (["raw.png", *GRID, "--white", "white.npy"], "white: white.npy is not a picture; give one as large as the raw"),
         (["scene:vase", "--white", "white.png"], "white: frames go with one raw lenslet picture"),
         (["cube.off", "--show-grid", "grid.png"], "show_grid: this is for a raw lenslet picture"),
