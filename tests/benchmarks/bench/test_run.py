@@ -43,7 +43,7 @@ def test_an_eia_from_the_command_line(tmp_path):
     ("arguments", "message"),
     [
         (["scene:vases"], "scene:vases: no such scene"),
-        (["--lenses", "0"], "--lenses: '0' is no whole number from 2"),
+        (["--lenses", "0"], "--lenses: '0' is not a whole number from 2"),
         (["--rounds", "many"], "--rounds: 'many'"),
         (["scene:vase", "scene:vase"], "two inputs have the same name"),
         (["-o", "x.png"], "can't be written as .png"),

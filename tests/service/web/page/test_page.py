@@ -208,7 +208,7 @@ def test_where_the_time_went_is_shown(page):
     open_scene(page)
     page.get_by_text("Where the time went").click()
     expect(page.locator("#times")).to_contain_text("Upscaling")
-    expect(page.locator("#remarks")).to_contain_text(re.compile(r"It took \S+ m?s, and the estimate was \S+ m?s"))
+    expect(page.locator("#remarks")).to_contain_text(re.compile(r"It took \S+ m?s; the estimate was \S+ m?s"))
     expect(page.locator("#remarks")).to_contain_text("model auto")
 
 
@@ -263,7 +263,7 @@ def test_a_file_that_has_changed_has_to_be_chosen_again(page, tmp_path):
     wait_for_picture(page, 200, 200)
     os.utime(path, (0, 0))
     set_field(page, "lenses", "20x30")
-    expect(page.get_by_role("alert")).to_contain_text("has changed")
+    expect(page.get_by_role("alert")).to_contain_text("was changed or removed")
 
 
 def test_the_focus_is_not_lost_with_what_had_it(page):
