@@ -12,7 +12,6 @@ from ciir.service.pipeline.job import resolve_job
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.planning import model_selection
 from ciir.service.pipeline.planning.model_selection import select_model
-from ciir.service.pipeline.stages.view_windows import ViewWindows
 from tests.support.light_fields import make_views, put_in
 from tests.support.pipeline import make_light_field_job, make_mesh_job
 
@@ -68,20 +67,21 @@ def extra(monkeypatch):
     """Sets the milliseconds that the views around take, as predicted."""
 
     def put(ms):
-        monkeypatch.setattr(model_selection, "predict_extra", lambda *_, bound: ms)
+        monkeypatch.setattr(model_selection, "predict_extra", lambda *_, **__: ms)
 
     return put
 
 
 @pytest.fixture(autouse=True)
-def view_windows(monkeypatch):
-    """Sets the views of a mesh that help, at first those of the lens array."""
+def own_views(monkeypatch, request):
+    """Has the lens array's own views help those of a mesh, unless a test asks for `moved`."""
+    if "moved" not in request.fixturenames:
+        monkeypatch.setattr(model_selection, "is_possible", lambda *_: False)
 
-    def put(found):
-        monkeypatch.setattr(model_selection, "find_view_windows", lambda *_: found)
 
-    put(None)
-    return put
+@pytest.fixture
+def moved():
+    """Lets the lens array be moved."""
 
 
 @pytest.mark.parametrize("sampling", ["pinhole", "lenslet"])
@@ -138,36 +138,33 @@ def test_a_light_field_network_that_is_named_has_the_views_around_rendered(stand
 
 
 @pytest.mark.parametrize("model", ["auto", LIGHT_FIELD_DEFAULT])
-def test_view_windows_are_rendered_where_that_takes_no_longer_than_the_neighbour_time(
-    stand_in, extra, view_windows, model
-):
-    view_windows(ViewWindows(0.25))
+def test_the_lens_array_is_moved_if_that_takes_no_longer_than_the_neighbour_time(stand_in, extra, moved, model):
     extra(700.0)
     choice = mesh(model, wanted=[(0, 0), (3, 4)])
-    assert choice.view_windows == ViewWindows(0.25)
-    assert "48 more, 0.25 times as far apart as the lens array's, are rendered around those asked" in choice.reasons[0]
-    assert mesh(model, wanted=[(0, 0)], neighbour_time=0.6).view_windows is None
-    assert mesh(model, neighbour_time=0.0).view_windows is None
+    assert choice.moves_array
+    assert "; each is rendered through the lens array at 5x5 positions: about 700 ms more" in choice.reasons[0]
+    assert mesh(model).moves_array
+    assert not mesh(model, wanted=[(0, 0)], neighbour_time=0.6).moves_array
+    assert not mesh(model, neighbour_time=0.0).moves_array
     assert mesh(model, neighbour_time=0.0).is_light_field  # all are wanted, and help each other
-    assert pictures(model).view_windows is None
+    assert not pictures(model).moves_array
 
 
-def test_no_view_windows_for_another_scale_and_for_several_frames(stand_in, extra, view_windows):
-    view_windows(ViewWindows(0.25))
+def test_the_lens_array_is_not_moved_for_another_scale(stand_in, extra, moved):
     extra(0.0)
-    assert mesh(LIGHT_FIELD_DEFAULT, scale=3).view_windows is None  # whose loading says what it upscales by
-    job = make_mesh_job(model=LIGHT_FIELD_DEFAULT, grid=(4, 5), wanted=[(0, 0)])
-    assert select_model(job).view_windows == ViewWindows(0.25)
-    assert select_model(replace(job, frames=2)).view_windows is None
-    assert mesh(LIGHT_FIELD_DEFAULT, wanted=[(0, 0)]).view_windows is not None
+    assert not mesh(LIGHT_FIELD_DEFAULT, scale=3).moves_array  # whose loading says what it upscales by
 
 
-def test_view_windows_keep_to_the_limit_on_samples(stand_in, extra, view_windows):
-    view_windows(ViewWindows(0.5))
+def test_a_moved_lens_array_keeps_to_the_limits_on_samples(stand_in, extra, moved):
+    """Two frames of two views of 12x12 lenses with 25 samples each."""
     extra(0.0)
-    limit = {"lenses": (10, 10), "max_pixels": 10_000}  # the 4x5 views alone are 2,000
-    assert (mesh(**limit).is_light_field, mesh(**limit).view_windows) == (True, None)
-    assert mesh(**limit | {"max_pixels": 100_000}).view_windows == ViewWindows(0.5)
+    limit = {"lenses": (10, 10), "wanted": ALL[:2]}
+    for frames in (1, 2):
+        most = frames * 2 * 12 * 12 * 25
+        for max_pixels, moves in ((most, True), (most - 1, False)):
+            job = make_mesh_job(model="auto", grid=(4, 5), max_pixels=max_pixels, **limit)
+            assert select_model(replace(job, frames=frames)).moves_array == moves
+    assert not mesh(lenses=(2000, 2000), wanted=[(0, 0)]).moves_array  # over 64 million samples in one view
 
 
 def test_other_models_are_taken_at_their_word(stand_in):

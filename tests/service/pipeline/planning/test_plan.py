@@ -65,7 +65,9 @@ def test_without_a_model_auto_leaves_views_as_they_are():
 
 
 def test_a_lenslet_averages_over_its_pitch():
-    assert mesh(sampling="lenslet").samples == 4
+    assert mesh(sampling="lenslet", model="fast").samples == 4
+    assert mesh(sampling="lenslet", model="field").samples == 5  # through a lens array that is moved by fifths
+    assert mesh(sampling="pinhole", model="field").samples == 1
 
 
 def test_the_sampling_of_pictures_is_found_where_it_is_unknown():

@@ -175,9 +175,20 @@ def test_what_a_light_field_network_costs_more_is_measured_only_where_it_is_clos
     monkeypatch.setattr(cost, "costs", lambda *, measure=True: asked.append(measure) or (here if measure else typical))
     job = make_mesh_job(backend="raytrace")
     networks = {entry.name: entry for entry in catalogue.list_entries()}
-    extra = prediction.predict_extra(job, job.mesh, networks["field"], networks["fast"], None, bound=bound)
+    extra = prediction.predict_extra(job, job.mesh, networks["field"], networks["fast"], moves_array=False, bound=bound)
     assert extra == pytest.approx(24.0)  # 24 views of 10,000 rays; the networks cost the same here
     assert asked == measured
+
+
+def test_a_moved_lens_array_costs_its_samples(prices, monkeypatch):
+    """One view of 102x102x25 rays in place of one of 10,000."""
+    prices(pixel=1e-3)
+    job = make_mesh_job(backend="raytrace")
+    networks = {entry.name: entry for entry in catalogue.list_entries()}
+    given = job, job.mesh, networks["field"], networks["fast"]
+    own = prediction.predict_extra(*given, moves_array=False, bound=0.0)
+    moved = prediction.predict_extra(*given, moves_array=True, bound=0.0)
+    assert moved / own == pytest.approx((102 * 102 * 25 - 10_000) / (24 * 10_000))
 
 
 def test_costs_that_cannot_be_kept_are_reported(prices):
