@@ -133,9 +133,9 @@ def _judge_moving(job: Job, mesh: Scene, light_field: Entry, single: Entry) -> t
     """
     can_run = job.scale in light_field.scales and not light_field.unsupported_reason
     bound = 1000 * job.neighbour_time
-    samples = count_samples(job.array) * len(job.wanted) * job.frames
+    samples = count_samples(job.array, job.samples) * len(job.wanted) * job.frames
     is_over = job.max_pixels is not None and samples > job.max_pixels
-    if not can_run or not bound or is_over or not is_possible(job.array, MAX_VIEW_SAMPLES):
+    if not can_run or not bound or is_over or not is_possible(job.array, job.samples, MAX_VIEW_SAMPLES):
         return False, ""
     extra = predict_extra(job, mesh, light_field, single, moves_array=True, bound=bound)
     if extra > bound:

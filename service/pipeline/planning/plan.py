@@ -16,7 +16,7 @@ from ciir.service.pipeline.options import NO_MODEL, Options
 from ciir.service.pipeline.planning import cost
 from ciir.service.pipeline.planning.model_selection import select_model
 from ciir.service.pipeline.planning.prediction import predict_times
-from ciir.service.pipeline.stages.moved_array import count_samples
+from ciir.service.pipeline.stages.moved_array import CELL_SAMPLES, count_samples
 
 if TYPE_CHECKING:
     from ciir.models.catalogue import Entry
@@ -82,7 +82,7 @@ def make_plan(job: Job) -> Plan:
         why = "views with transparency" if is_network else "interpolation"
         reasons.append(f"sampling lenslet: changes nothing in {why}")
         notes.append(reasons[-1])
-    samples = WINDOW_SIDE if selected.moves_array and job.samples > 1 else job.samples
+    samples = WINDOW_SIDE * CELL_SAMPLES if selected.moves_array and job.samples > 1 else job.samples
     return Plan(
         strategy,
         selected.model,
@@ -124,7 +124,7 @@ def _select_strategy(job: Job) -> tuple[Strategy, str]:
     model = catalogue.get_entry(name)
     pixels = job.array.rows * job.array.cols
     rays: dict[Strategy, int] = {
-        "upscale": count_samples(job.array) if selected.moves_array else pixels * job.samples**2,
+        "upscale": count_samples(job.array, job.samples) if selected.moves_array else pixels * job.samples**2,
         "direct": pixels * (job.scale * LENSLET_SAMPLES) ** 2,
     }
     limit = job.max_pixels

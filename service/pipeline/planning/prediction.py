@@ -59,7 +59,7 @@ def predict_plan(job: Job, plan: Plan) -> float:
     stages: list[cost.Stage] = []
     if job.mesh is not None:
         side = plan.samples * (plan.scale if plan.strategy == "direct" else 1)
-        rays = count_samples(job.array) if plan.moves_array else pixels * side**2
+        rays = count_samples(job.array, job.samples) if plan.moves_array else pixels * side**2
         rendered = count_rendered(job) if plan.is_light_field and not plan.moves_array else wanted
         stages.append(_predict_rendering(job, job.mesh, rays, rendered, costs))
     if plan.model != NO_MODEL:
@@ -77,7 +77,7 @@ def predict_extra(
     doubt whether the result is over `bound` milliseconds.
     """
     own = job.array.rows * job.array.cols * job.samples**2
-    needed = count_samples(job.array) if moves_array else own
+    needed = count_samples(job.array, job.samples) if moves_array else own
     extra = 0.0
     for measure in (False, True):
         costs = cost.costs(measure=measure)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -46,8 +47,8 @@ class MeshViews:
         self._array = job.array.refine(plan.scale) if plan.strategy == "direct" else job.array
         check_view_samples(self._array, plan.samples, plan.strategy)
         rays = self._array.rows * self._array.cols * plan.samples**2
-        self._rays = moved_array.count_samples(self._array) if plan.moves_array else rays
-        self.samples = moved_array.count_samples_each(self._array) if plan.moves_array else rays
+        self._rays = moved_array.count_samples(self._array, job.samples) if plan.moves_array else rays
+        self.samples = math.ceil(self._rays / moved_array.PICTURES) if plan.moves_array else rays
         """Points of the mesh that are sampled for each picture of `make_views`."""
         self.sample: Pixels = np.zeros((1, 1, 3), np.uint8)
         """A pixel, `(1, 1, C)`, with the channels and the depth of the views."""
@@ -76,8 +77,9 @@ class MeshViews:
         if not self._plan.moves_array:
             return self._render(self._array, views, self._plan.samples)
         shown = list(dict.fromkeys(map(moved_array.find_view, views)))
-        sampled = self._render(moved_array.refine_array(self._array), shown, samples=1)
-        return moved_array.take_pictures(sampled, views, averages=self._plan.samples > 1)
+        samples = moved_array.find_samples(self._job.samples)
+        rendered = self._render(moved_array.refine_array(self._array), shown, samples)
+        return moved_array.take_pictures(rendered, views, averages=self._job.samples > 1)
 
     def _render(self, array: LensArray, views: Sequence[View], samples: int) -> Iterator[NDArray[Any]]:
         scene = self._placed

@@ -66,7 +66,7 @@ def test_without_a_model_auto_leaves_views_as_they_are():
 
 def test_a_lenslet_averages_over_its_pitch():
     assert mesh(sampling="lenslet", model="fast").samples == 4
-    assert mesh(sampling="lenslet", model="field").samples == 5  # through a lens array that is moved by fifths
+    assert mesh(sampling="lenslet", model="field").samples == 10  # 2x2 for each of 5x5 cells
     assert mesh(sampling="pinhole", model="field").samples == 1
 
 

@@ -27,9 +27,9 @@ def test_each_picture_is_sampled_through_lenses_at_its_own_position(rows, cols, 
     """The lenses stand two fifths of a pitch further to the right, or down, from one picture to the next."""
     array = LensArray(rows, cols, 6, 6, pitch, 0.02)
     fine = moved_array.refine_array(array)
-    assert fine.rows * fine.cols == moved_array.count_samples(array)
+    assert fine.rows * fine.cols == moved_array.count_samples(array, 1) == moved_array.count_samples(array, 4) / 4
     x, y = np.meshgrid(fine.lens_x(), fine.lens_y())
-    pictures = dict(moved_array.split_samples(np.stack([x, y], axis=2), view, averages=False))
+    pictures = dict(moved_array.split_cells(np.stack([x, y], axis=2), view, averages=False))
     window = list_window(moved_array.find_place(view), moved_array.list_grid((6, 6)))
     assert [place for place, _ in window] == list(pictures)
     for place, (down, right) in window:
@@ -39,10 +39,10 @@ def test_each_picture_is_sampled_through_lenses_at_its_own_position(rows, cols, 
 
 
 @given(st.integers(1, 4), st.integers(1, 4), st.integers(0, 2**32 - 1))
-def test_lenslets_average_the_samples_of_their_cell(rows, cols, seed):
+def test_lenslets_average_their_cells(rows, cols, seed):
     shape = WINDOW_SIDE * (rows + 2), WINDOW_SIDE * (cols + 2), 3
     samples = np.random.default_rng(seed).integers(0, 256, shape, np.uint8)
-    for (v, u), picture in moved_array.split_samples(samples, (0, 0), averages=True):
+    for (v, u), picture in moved_array.split_cells(samples, (0, 0), averages=True):
         assert picture.shape == (rows, cols, 3)
         for y, x in np.ndindex(rows, cols):
             top, left = 5 * (y + 1) + 2 * (v - 2), 5 * (x + 1) + 2 * (u - 2)
@@ -54,19 +54,21 @@ def test_each_view_is_sampled_once_and_when_its_first_picture_is_taken():
     """Pictures of two views in one row of views come in turn, row by row of their windows."""
     views = [(0, 0), (0, 1), (2, 1)]
     places = sorted(place for view in views for place, _ in list_window(moved_array.find_place(view), (15, 10)))
-    sampled = (np.full((15, 20, 3), number, np.uint8) for number in range(len(views)))
-    taken = list(moved_array.take_pictures(sampled, places, averages=False))
+    rendered = (np.full((15, 20, 3), number, np.uint8) for number in range(len(views)))
+    taken = list(moved_array.take_pictures(rendered, places, averages=False))
     assert [views[int(picture[0, 0, 0])] for picture in taken] == [moved_array.find_view(place) for place in places]
-    assert next(sampled, None) is None
+    assert next(rendered, None) is None
 
 
 @pytest.mark.parametrize("samples", [1, 4])
 def test_the_picture_in_the_middle_is_the_view(samples):
-    """Of pinholes to the level; a lenslet's mean is of 5x5 samples, and of 4x4 in the lens array's own view."""
+    """Of pinholes to the level; a lenslet's mean is of 10x10 samples, and of 4x4 in the lens array's own view."""
     mesh, array = load_scene("vase"), LensArray(40, 40, 5, 5)
     placed, backend, view = mesh.transform(frame_scene(mesh, array)), RaytraceBackend(), (1, 3)
     (own,) = backend.render_views(placed, array, [view], samples=samples)
-    fine = backend.render_views(placed, moved_array.refine_array(array), [view])
+    fine = backend.render_views(
+        placed, moved_array.refine_array(array), [view], samples=moved_array.find_samples(samples)
+    )
     (made,) = moved_array.take_pictures(fine, [moved_array.find_place(view)], averages=samples > 1)
     assert np.abs(made.astype(float) - own).mean() < (1e-3 if samples == 1 else 1.5)
 
@@ -88,10 +90,12 @@ def test_all_content_has_the_disparity_that_the_network_is_given():
 
 def test_renderings_that_opengl_may_not_draw_are_not_possible():
     array = LensArray(1000, 1500, 5, 5)
-    count = moved_array.count_samples(array)
-    assert moved_array.is_possible(array, count)
-    assert not moved_array.is_possible(array, count - 1)
-    assert not moved_array.is_possible(replace(array, rows=1, cols=1637), count)  # 8195 samples wide
+    count = moved_array.count_samples(array, 1)
+    assert moved_array.is_possible(array, 1, count)
+    assert not moved_array.is_possible(array, 1, count - 1)
+    assert not moved_array.is_possible(array, 4, 4 * count)  # 15,020 samples wide
+    for cols, is_possible in ((1636, True), (1637, False)):  # 8190 and 8195 samples wide
+        assert moved_array.is_possible(replace(array, rows=1, cols=cols), 1, count) == is_possible
 
 
 @pytest.mark.parametrize("sampling", ["pinhole", "lenslet"])
