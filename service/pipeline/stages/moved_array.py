@@ -2,8 +2,8 @@
 
 A light-field network needs pictures that sample the same content at other points. Other views of the array do, but they
 also see around the object. The moving array-lens technique (Jang and Javidi, Optics Letters 27, 324, 2002) has no such
-parallax: the same view is taken again while the lenses stand at other positions. Of a mesh all these pictures are one
-rendering of the view, with 5x5 samples for each lens of a pinhole array and 10x10 for each lenslet.
+parallax: the same view is taken again while the lenses stand at other positions. For a mesh, all these pictures are one
+rendering of the view, with 5x5 samples for each pinhole and 10x10 for each lenslet.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Five such positions fall on all fifths of a pitch, as they do for 1 and 3. With 
 DISPARITIES = Range(-MOVED / WINDOW_SIDE, -MOVED / WINDOW_SIDE)
 """The disparity of all content, in pixels from one position to the next: where lenses move right, it moves left."""
 CELL_SAMPLES = 2
-"""Samples of lenslets along each side of a cell of `refine_array`. With 1 views are 1 dB worse, with 3 0.3 dB better."""
+"""A lenslet's samples along each side of a cell. With 1 views are 1 dB worse, with 3 they are 0.3 dB better."""
 MOST_SIDE = 8192
 """Most samples along a side of the rendering, which OpenGL can draw everywhere."""
 
