@@ -16,7 +16,7 @@ from ciir.service.pipeline.options import NO_MODEL, Options
 from ciir.service.pipeline.planning import cost
 from ciir.service.pipeline.planning.model_selection import select_model
 from ciir.service.pipeline.planning.prediction import predict_times
-from ciir.service.pipeline.stages.moved_array import CELL_SAMPLES, count_samples
+from ciir.service.pipeline.stages.moved_array import CELL_SAMPLES
 
 if TYPE_CHECKING:
     from ciir.models.catalogue import Entry
@@ -124,7 +124,7 @@ def _select_strategy(job: Job) -> tuple[Strategy, str]:
     model = catalogue.get_entry(name)
     pixels = job.array.rows * job.array.cols
     rays: dict[Strategy, int] = {
-        "upscale": count_samples(job.array, job.samples) if selected.moves_array else pixels * job.samples**2,
+        "upscale": pixels * job.samples**2,
         "direct": pixels * (job.scale * LENSLET_SAMPLES) ** 2,
     }
     limit = job.max_pixels

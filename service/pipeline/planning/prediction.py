@@ -59,9 +59,9 @@ def predict_plan(job: Job, plan: Plan) -> float:
     stages: list[cost.Stage] = []
     if job.mesh is not None:
         side = plan.samples * (plan.scale if plan.strategy == "direct" else 1)
-        rays = count_samples(job.array, job.samples) if plan.moves_array else pixels * side**2
+        rays = pixels * (job.samples if plan.moves_array else side) ** 2
         rendered = count_rendered(job) if plan.is_light_field and not plan.moves_array else wanted
-        stages.append(_predict_rendering(job, job.mesh, rays, rendered, costs))
+        stages.append(_predict_rendering(job, job.mesh, rays, rendered, costs, moves_array=plan.moves_array))
     if plan.model != NO_MODEL:
         model = catalogue.get_entry(plan.model)
         stages.append(_predict_upscaling(job, model, costs))
@@ -76,14 +76,13 @@ def predict_extra(
     That includes rendering the neighbouring views. Typical costs, which need no measurement, are used if they leave no
     doubt whether the result is over `bound` milliseconds.
     """
-    own = job.array.rows * job.array.cols * job.samples**2
-    needed = count_samples(job.array, job.samples) if moves_array else own
+    rays = job.array.rows * job.array.cols * job.samples**2
     extra = 0.0
     for measure in (False, True):
         costs = cost.costs(measure=measure)
         taken = (
             _predict_with_model(job, mesh, model, rays, costs=costs, moves_array=moves_array)
-            for model, rays in ((light_field, needed), (single, own))
+            for model in (light_field, single)
         )
         extra = next(taken) - next(taken)
         if not bound / UNSURE < extra < bound * UNSURE:
@@ -93,9 +92,10 @@ def predict_extra(
 
 def _predict_with_model(job: Job, mesh: Scene, model: Entry, rays: int, *, costs: Costs, moves_array: bool) -> float:
     """Predicts the milliseconds of the job if `model` upscales its views."""
+    moves_array = moves_array and model.is_light_field
     rendered = count_rendered(job) if model.is_light_field and not moves_array else len(job.wanted)
-    upscaling = _predict_upscaling(job, model, costs)
-    return _total(job, [_predict_rendering(job, mesh, rays, rendered, costs), upscaling], job.scale)
+    rendering = _predict_rendering(job, mesh, rays, rendered, costs, moves_array=moves_array)
+    return _total(job, [rendering, _predict_upscaling(job, model, costs)], job.scale)
 
 
 def _predict_upscaling(job: Job, model: Entry, costs: Costs) -> cost.Stage:
@@ -106,7 +106,10 @@ def _predict_upscaling(job: Job, model: Entry, costs: Costs) -> cost.Stage:
     return costs.upscaling(model.name, job.scale, pixels=pixels, views=len(job.wanted), batches=batches)
 
 
-def _predict_rendering(job: Job, mesh: Scene, rays: int, views: int, costs: Costs) -> cost.Stage:
+def _predict_rendering(
+    job: Job, mesh: Scene, rays: int, views: int, costs: Costs, *, moves_array: bool = False
+) -> cost.Stage:
+    """Predicts the cost of `views` views of `rays` rays each; a moved lens array takes more, by the same backend."""
     textures = [(part.texture, len(part.faces)) for part in mesh.parts if part.texture]
     return costs.rendering(
         cost.Rendering(
@@ -114,7 +117,7 @@ def _predict_rendering(job: Job, mesh: Scene, rays: int, views: int, costs: Cost
                 job.backend, triangles=mesh.triangles, rays=rays, is_see_through=mesh.is_see_through
             ),
             triangles=mesh.triangles,
-            rays=rays,
+            rays=count_samples(job.array, job.samples) if moves_array else rays,
             views=views,
             texels=sum(texture.pixels[..., 0].size for texture, _ in textures),
             textured=sum(triangles for _, triangles in textures) / mesh.triangles,

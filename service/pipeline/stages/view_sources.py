@@ -46,9 +46,10 @@ class MeshViews:
         self._mesh, self._job, self._plan, self._clock = mesh, job, plan, clock
         self._array = job.array.refine(plan.scale) if plan.strategy == "direct" else job.array
         check_view_samples(self._array, plan.samples, plan.strategy)
-        rays = self._array.rows * self._array.cols * plan.samples**2
-        self._rays = moved_array.count_samples(self._array, job.samples) if plan.moves_array else rays
-        self.samples = math.ceil(self._rays / moved_array.PICTURES) if plan.moves_array else rays
+        own = job.samples if plan.moves_array else plan.samples
+        self._rays = self._array.rows * self._array.cols * own**2
+        moved = math.ceil(moved_array.count_samples(self._array, own) / moved_array.PICTURES)
+        self.samples = moved if plan.moves_array else self._rays
         """Points of the mesh that are sampled for each picture of `make_views`."""
         self.sample: Pixels = np.zeros((1, 1, 3), np.uint8)
         """A pixel, `(1, 1, C)`, with the channels and the depth of the views."""
