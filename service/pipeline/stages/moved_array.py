@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ciir.models.light_field.network import compute_luma
 from ciir.models.light_field.planes import Range
 from ciir.models.light_field.windows import WINDOW_SIDE
+from ciir.renderer.sampling import average_cells
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -83,11 +85,17 @@ def find_view(place: View) -> View:
 def take_pictures(
     rendered: Iterator[NDArray[np.uint8]], places: Sequence[View], *, averages: bool
 ) -> Iterator[NDArray[np.uint8]]:
-    """Yields the pictures at `places`, given the cells of their views once each and in order; see `split_cells`."""
+    """Yields the pictures at `places`, given the renderings of their views once each and in order; see `split_cells`.
+
+    For pinholes, the picture in the middle is that of `average_colours`.
+    """
     kept: dict[View, NDArray[np.uint8]] = {}
     for place in places:
         if place not in kept:
-            kept.update(split_cells(next(rendered), find_view(place), averages=averages))
+            cells, view = next(rendered), find_view(place)
+            kept.update(split_cells(cells, view, averages=averages))
+            if not averages:
+                kept[find_place(view)] = average_colours(cells)
         yield kept.pop(place)
 
 
@@ -96,13 +104,35 @@ def split_cells(cells: NDArray[np.uint8], view: View, *, averages: bool) -> Iter
 
     A picture holds the cell in the middle of each lens, or the mean over the lens if `averages` is true.
     """
-    rows, cols = (size // WINDOW_SIDE - 2 for size in cells.shape[:2])
+    values = average_around(cells) if averages else _crop_to_middles(cells)
+    for position in np.ndindex(WINDOW_SIDE, WINDOW_SIDE):
+        place = WINDOW_SIDE * view[0] + position[0], WINDOW_SIDE * view[1] + position[1]
+        yield place, _take_picture(values, position)
+
+
+def average_colours(cells: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Returns the picture in the middle, `(rows, cols, 3)`, with the colours of each lens's mean and its own luma.
+
+    A light-field network takes only luma from the other pictures, so that the colours of samples would stay aliased.
+    """
+    sample = _take_picture(_crop_to_middles(cells), (WINDOW_SIDE // 2, WINDOW_SIDE // 2))
+    mean = average_cells(cells[WINDOW_SIDE:-WINDOW_SIDE, WINDOW_SIDE:-WINDOW_SIDE], WINDOW_SIDE)
+    difference = compute_luma(sample, 1) - compute_luma(mean, 1)  # levels
+    coloured: NDArray[np.uint8] = np.clip(np.rint(mean + difference[..., np.newaxis]), 0, 255).astype(np.uint8)
+    return coloured
+
+
+def _crop_to_middles(cells: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Returns the cells in the middle of those that `average_around` averages."""
     half = WINDOW_SIDE // 2
-    values = average_around(cells) if averages else cells[half:-half, half:-half]
-    for v, u in np.ndindex(WINDOW_SIDE, WINDOW_SIDE):
-        top, left = (WINDOW_SIDE + MOVED * (position - half) for position in (v, u))
-        picture = values[top::WINDOW_SIDE, left::WINDOW_SIDE][:rows, :cols]
-        yield (WINDOW_SIDE * view[0] + v, WINDOW_SIDE * view[1] + u), picture
+    return cells[half:-half, half:-half]
+
+
+def _take_picture(values: NDArray[np.uint8], position: View) -> NDArray[np.uint8]:
+    """Returns the values at the lenses for one of their positions, down and across."""
+    rows, cols = ((size - 1) // WINDOW_SIDE - 1 for size in values.shape[:2])
+    top, left = (WINDOW_SIDE + MOVED * (number - WINDOW_SIDE // 2) for number in position)
+    return values[top::WINDOW_SIDE, left::WINDOW_SIDE][:rows, :cols]
 
 
 def average_around(cells: NDArray[np.uint8]) -> NDArray[np.uint8]:
