@@ -70,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("networks", type=Path, nargs="+", metavar="NETWORK.onnx")
     parser.add_argument(
-        "--models", nargs="*", help="names in the catalogue, or cards (default: all of single pictures)"
+        "--models", nargs="*", help="names in the catalogue, or cards (default: all single-picture networks)"
     )
     parser.add_argument("--sets", type=Path, nargs="*", default=SETS, help="folders of *_LR.png and *_HR.png")
     parser.add_argument("--rounds", type=int, default=9)

@@ -4,7 +4,7 @@
 
 Each job of a row runs once a round in one process. Times are medians over rounds, and ratios are medians within rounds.
 On a machine that does other work too, processor time says more than wall-clock time. `int8` is not a row of the table:
-it compares each int8 network of single pictures with its float twin. The exit status is 1 if a target isn't reached.
+it compares each int8 single-picture network with its float twin. The exit status is 1 if a target isn't reached.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class Row:
 
 
 def measure_view(given: Given) -> Row:
-    """Measures a view of noise, of which nothing is skipped, with the default network of single pictures."""
+    """Measures a view of noise, of which nothing is skipped, with the default single-picture network."""
     pixels = np.random.default_rng(0).integers(0, 256, (1, 512, 512, 3), np.uint8)
     planes = np.ascontiguousarray(pixels.transpose(0, 3, 1, 2), np.float32) / np.float32(255)
     default = catalogue.default_name()
@@ -241,7 +241,7 @@ def measure_row(row: Row, rounds: int) -> tuple[list[list[str]], bool]:
 
 
 def compare_int8(rounds: int) -> Iterator[str]:
-    """Compares each int8 network of single pictures with its float twin, on one core and on all."""
+    """Compares each int8 single-picture network with its float twin, on one core and on all."""
     yield "float networks against their int8 twins, milliseconds"
     cards = [entry.card for entry in catalogue.list_entries() if entry.card and not entry.is_light_field]
     for card in (card for card in cards if card.float_twin):

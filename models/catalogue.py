@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 SHIPPED = Path(__file__).parent / "shipped"
 """The folder of the shipped networks, with an `.onnx` file and a `.json` card for each."""
 DEFAULT = "fast"
-"""The default network for single pictures, as float; see `default_name`."""
+"""The default single-picture network, as float; see `default_name`."""
 LIGHT_FIELD_DEFAULT = "field"
 """The default network for views of a light field, as float; see `light_field_default_name`."""
 FILES = (".json", ".onnx")
@@ -110,7 +110,7 @@ def list_single_image_names() -> list[str]:
 
 
 def default_name() -> str:
-    """Returns the default model for single pictures: `DEFAULT` or its int8 twin, see `prefer_int8`."""
+    """Returns the default single-picture model: `DEFAULT` or its int8 twin, see `prefer_int8`."""
     return prefer_int8(DEFAULT)
 
 
@@ -132,7 +132,7 @@ _lock = threading.Lock()
 
 
 def load_upscaler(name: str, *, scale: int = 2, threads: int | None = None, emulates_int8: bool = False) -> Upscaler:
-    """Loads the single-image model `name`, once for each combination of arguments. Thread-safe.
+    """Loads the single-picture model `name`, once for each combination of arguments. Thread-safe.
 
     `threads`: cores for each call of a network; None means all cores of the process. `emulates_int8`: as for
     `models.sessions.OnnxNetwork`.
@@ -147,7 +147,7 @@ def load_upscaler(name: str, *, scale: int = 2, threads: int | None = None, emul
 def load_light_field_network(name: str, *, scale: int = 2, emulates_int8: bool = False) -> LightFieldNetwork:
     """Loads the light-field network `name` once; `models.light_field.views` calls it. Thread-safe.
 
-    Raises the same errors as `load_upscaler`, with `UnsuitedModel` for a single-image model.
+    Raises the same errors as `load_upscaler`, with `UnsuitedModel` for a single-picture model.
     """
     with _lock:
         return _load_light_field_network(name, scale, emulates_int8)

@@ -1,4 +1,4 @@
-"""The interface of a single-image model: a function from pictures to larger pictures."""
+"""The interface of a single-picture model: a function from pictures to larger pictures."""
 
 from __future__ import annotations
 

@@ -215,7 +215,9 @@ class LightField:
                 "light_field.planes"
             )
         if not isinstance(disparity, Real) or isinstance(disparity, bool):
-            raise InvalidOption(f"disparity: {str(disparity)[:40]!r} is not a number; give pixels per view, as in 0.5")
+            raise InvalidOption(
+                f"disparity: {str(disparity)[:40]!r} is not a number; give pixels per view, such as 0.5"
+            )
         disparities = [float(disparity)]
         (plane,) = self.planes(disparities, method=method, aperture=aperture, shape=shape, occluders=occluders)
         return plane

@@ -68,7 +68,7 @@ def parse_views(spec: str, pixels_v: int, pixels_u: int) -> list[View]:
         match = re.fullmatch(r"\s*(\d{1,6})\s*,\s*(\d{1,6})\s*", pair)
         if match is None:
             raise InvalidOption(
-                f"views: {spec[:80]!r} is not understood; give center, cross, all, or pairs like 0,0;7,7"
+                f"views: {spec[:80]!r} is not understood; give center, cross, all, or pairs such as 0,0;7,7"
             )
         v, u = int(match[1]), int(match[2])
         if v >= pixels_v or u >= pixels_u:

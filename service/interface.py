@@ -264,7 +264,7 @@ def upscale(
     """Upscales every view of a light field, or one picture, `(H, W)` or `(H, W, C)`, uint8 or uint16.
 
     `model`: a name that `ciir models` lists; `auto` takes a light-field network for a grid of 3x3 views and more, else
-    the default for single pictures. `skip`: whether pixels whose result is known are skipped, which changes no pixel.
+    the default single-picture network. `skip`: whether pixels with a known result are skipped, which changes no pixel.
     `sampling`: `lenslet` for views that were rendered with it, so that means over the lenses stay means. For captured
     light fields the sampling is detected, and so is whether they are free of noise. `progress(done, total)` counts
     views.

@@ -3,7 +3,7 @@
     python -m ciir.benchmarks.focus.depth [--meshes ../shared/data/meshes] [--only NAME ...] [--side 512] [--noise 10]
     python -m ciir.benchmarks.focus.depth --upscale [--meshes ...] [--only NAME ...] [--side 256]
 
-`bad`: BadPix(0.07), the share of pixels that are wrong by more than 0.07 pixels a view. `mse`: 100 times the mean
+`bad`: BadPix(0.07), the share of pixels that are wrong by more than 0.07 pixels per view. `mse`: 100 times the mean
 square error (Honauer et al., ACCV 2016: the measures of the HCI 4D light field benchmark, here over all pixels). `MB`:
 the peak of the process, and how much `LightField.disparity` raised it.
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     Map = NDArray[np.float32]
 
 BAD = 0.07
-"""The least error of a bad pixel's disparity, in pixels a view."""
+"""The least error of a bad pixel's disparity, in pixels per view."""
 HEAD = f"{'':16s}" + "".join(f"{word:>9s}" for word in ("least", "most", "bad %", "mse", "seconds", "MB", "added"))
 _UPSCALED = ("bad %", "mse", "upscaled", "mse", "plane dB", "upscaled")
 HEAD_UPSCALED = f"{'':16s}" + "".join(f"{word:>9s}" for word in _UPSCALED)

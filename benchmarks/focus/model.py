@@ -104,7 +104,7 @@ def _render(scene: Scene, array: LensArray, sampling: Sampling) -> NDArray[np.fl
 
 
 def _find_disparity(scene: Scene, array: LensArray) -> NDArray[np.float32]:
-    """Returns the disparity of the centre view, `(rows, cols)`, in pixels a view; infinite where nothing is seen."""
+    """Returns the disparity of the centre view, `(rows, cols)`, in pixels per view; infinite where nothing is seen."""
     backend, _ = open_backend("raytrace", triangles=scene.triangles, rays=array.rows * array.cols, is_see_through=False)
     (depth,) = backend.render_depth(scene, array, [center_view(array.pixels_v, array.pixels_u)])
     return depth * np.float32(array.delta / array.pitch)

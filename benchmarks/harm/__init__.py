@@ -1,1 +1,1 @@
-"""The harm table: where the default is worse than bicubic interpolation, or than the networks of single pictures."""
+"""The harm table: where the default is worse than bicubic interpolation, or than the single-picture networks."""

@@ -64,7 +64,7 @@ def _plot_margins(panel: Axes, rows: Sequence[Row]) -> None:
     names = list(dict.fromkeys(row.input for row in rows))[::-1]
     series = {
         "default - bicubic": [(row.against_bicubic, row.input) for row in rows],
-        "light-field default - best network of single pictures": [
+        "light-field default - best single-picture network": [
             (row.against_single, row.input) for row in rows if row.against_single is not None
         ],
     }

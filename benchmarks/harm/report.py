@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 EXPLANATION = f"""\
 PSNR in dB and SSIM of Y against the truth. `against bicubic`: `default` - `bicubic`. `against single`: `default` - the
-best network of single pictures, if the default took a light-field network. A case is over the bound if one of them is
+best single-picture network, if the default took a light-field network. A case is over the bound if one of them is
 below -{BOUND} dB.
 """
 

@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from ciir.renderer.views import View
 
 BOUND = 0.1
-"""How many dB the default may be below bicubic interpolation, and a light-field network below the best network of
-single pictures."""
+"""How many dB the default may be below bicubic interpolation, and a light-field network below the best
+single-picture network."""
 SIDE = 48
 """Pixels along each side of a crop."""
 BICUBIC, DEFAULT = "bicubic", "default"
@@ -80,14 +80,14 @@ class Row:
     ssim: Mapping[str, float]
     """NaN if the truth is smaller than SSIM's window."""
     best_single: str
-    """The best network of single pictures; empty if there is none."""
+    """The best single-picture network; empty if there is none."""
     against_bicubic: float
     """`default` - `bicubic`, dB."""
     against_single: float | None
     """`default` - `best_single`, dB; None if the default is not a light-field network."""
     notes: tuple[str, ...]
     crops: Mapping[str, Picture]
-    """`truth`, `bicubic`, the best network of single pictures and `default`, where the default loses most."""
+    """`truth`, `bicubic`, the best single-picture network and `default`, where the default loses most."""
 
     @property
     def margin(self) -> float:

@@ -90,7 +90,7 @@ def select_groups(names: Sequence[str]) -> tuple[str, ...]:
 def select_models(names: Sequence[str]) -> tuple[tuple[str, ...], list[Skipped]]:
     """Returns the networks to stress, all if `names` is empty, and those that this processor can't run.
 
-    Only networks for single pictures are included.
+    Only single-picture networks are included.
 
     Raises `InvalidOption` for other names.
     """

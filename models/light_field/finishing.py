@@ -1,4 +1,4 @@
-"""Finishes a view after the light-field network: the single-image fallback, and corrections for the view's sampling."""
+"""Finishes a view after the light-field network: single-picture fallback, and corrections for the view's sampling."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Finishing(NamedTuple):
     """How a view was finished after the light-field network."""
 
     fallback: float = 0.0
-    """The share of pixels that come mostly from the single-image fallback, because confidence is low."""
+    """The share of pixels that come mostly from the single-picture fallback, because confidence is low."""
     is_averaged: bool = False
     """Whether the view was filtered and is the mean of both networks."""
     is_restored: bool = False

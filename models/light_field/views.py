@@ -44,7 +44,7 @@ def upscale_views(
     """Upscales the views `wanted` of a light field of `grid` = (V, U) views, each with the help of its window.
 
     `views`: (v, u) -> `(H, W, C)`, grey or RGB, 8 or 16 bit, all of one shape and type; at least those of
-    `list_required_views`. `fallback`: a single-image model of the same scale. `skip`: whether to skip uniform and
+    `list_required_views`. `fallback`: a single-picture model of the same scale. `skip`: whether to skip uniform and
     repeated parts (`models.light_field.skipping`), which doesn't change the result. `statistics`: the counts that the
     pixels are added to. `finds_sampling`: whether to find how views were sampled and finish them accordingly.
     `disparities`: the range of all content, pixels from one view to the next, at most `ranges.FARTHEST` in either

@@ -81,7 +81,7 @@ class WriterOptions:
         known = [field.name for field in fields(cls) if field.name not in OF_FILE]
         unknown = sorted(given.keys() - set(known))
         if unknown:
-            raise InvalidOption(f"{unknown[0][:40]!r}: no such option; known are {', '.join(known)}")
+            raise InvalidOption(f"{unknown[0][:40]!r}: no such option; the options are {', '.join(known)}")
         given = {
             name: value.item() if isinstance(value, np.generic) else value
             for name, value in given.items()

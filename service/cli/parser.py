@@ -131,7 +131,7 @@ def _add_measurements(add_command: Callable[..., argparse.ArgumentParser]) -> No
     command.add_argument(
         "--harm",
         action="store_true",
-        help="instead, find where the default is worse than bicubic interpolation or than the single-image networks, "
+        help="instead, find where the default is worse than bicubic interpolation or than the single-picture networks, "
         "over meshes and light fields in many conditions; write harm.json, harm.md and harm.png, and exit with 1 "
         "if it is worse by more than 0.1 dB",
     )

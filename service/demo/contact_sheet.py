@@ -41,13 +41,13 @@ class Row:
     """The centre view as mapped, at half the size."""
     bicubic: Pixels
     single: Pixels
-    """The centre view upscaled by the default network for single pictures."""
+    """The centre view upscaled by the default single-picture network."""
     views: Mapping[View, Pixels]
     """All views of the elemental image array, upscaled by the model that `auto` takes."""
     truth: Mapping[View, Pixels]
     """The corner view (0, 0) and the centre view, rendered at the larger size."""
     single_model: str
-    """Names of models: the network for single pictures, and the model that `auto` took."""
+    """Names of models: the single-picture network, and the model that `auto` took."""
     default_model: str
 
     @property

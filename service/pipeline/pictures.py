@@ -64,7 +64,7 @@ def upscale_files(
     """Upscales the pictures that `outputs` names, one at a time, keeping their depth and channels. Returns the report.
 
     `files`: name to bytes. `outputs`: input name to output name, whose suffix selects the format (see `output_names`).
-    `model`: a model for single pictures; `auto` is the catalogue's default. `skip`: whether pixels with a known result
+    `model`: a single-picture model; `auto` is the catalogue's default. `skip`: whether pixels with a known result
     are skipped. `limits`: limits on the inputs. `max_pixels`: most pixels of an output.
     Raises `InputError` with the picture's name, and `ModelError`.
     """

@@ -321,13 +321,14 @@ def as_light_field(picture: Pixels) -> LightField:
         given = type(picture).__name__
     elif picture.dtype.newbyteorder("=") not in (np.uint8, np.uint16):
         raise InvalidOption(
-            f"images: {picture.dtype.name} is not taken; give uint8 or uint16, as in {advise_levels(picture, 'images')}"
+            f"images: {picture.dtype.name} is not accepted; give uint8 or uint16, as in "
+            f"{advise_levels(picture, 'images')}"
         )
     elif picture.ndim not in (2, 3) or 0 in picture.shape or picture.shape[2:] > (4,):
         given = f"an array of shape {picture.shape}"
     else:
         return LightField(picture.reshape(1, 1, *picture.shape[:2], -1))
     raise InvalidOption(
-        f"images: {given} is not taken; give a picture (H, W) or (H, W, C) with 1 to 4 channels, or "
+        f"images: {given} is not accepted; give a picture (H, W) or (H, W, C) with 1 to 4 channels, or "
         "ciir.LightField(array) for views"
     )

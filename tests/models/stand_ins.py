@@ -40,7 +40,7 @@ def shuffle_pixels(planes):
 
 
 class IntegerNetwork:
-    """A single-image network with a receptive field of `layers` pixels; `radius`: what it reports instead."""
+    """A single-picture network with a receptive field of `layers` pixels; `radius`: what it reports instead."""
 
     name, scale = "integer", 2
 

@@ -162,7 +162,7 @@ def test_near_content_moves_as_the_depth_sense_says_after_a_flip():
 
 def test_options_that_are_not_known_are_refused(tmp_path):
     field = LightField(np.zeros((1, 2, 3, 4, 3), np.uint8))
-    message = "'screen': no such option; known are device, quilt, aspect, .*, path, frames, fps, epi"
+    message = "'screen': no such option; the options are device, quilt, aspect, .*, path, frames, fps, epi"
     for options in ({"screen": "p.toml"}, {"device": "go", "screen": "p.toml"}):
         with pytest.raises(InvalidOption, match=message):
             field.save(tmp_path / "a.png", "quilt", **options)

@@ -142,8 +142,11 @@ def test_options_of_a_wrong_type_are_one_line(options):
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda _: ciir.upscale([[0]]), r"list is not taken; give a picture"),
-        (lambda _: ciir.upscale(np.zeros((4, 4))), r"images: float64 is not taken; give .* \(255 \* images\)\.round"),
+        (lambda _: ciir.upscale([[0]]), r"list is not accepted; give a picture"),
+        (
+            lambda _: ciir.upscale(np.zeros((4, 4))),
+            r"images: float64 is not accepted; give .* \(255 \* images\)\.round",
+        ),
         (lambda _: ciir.upscale(np.full((4, 4), 9.0)), r"images: float64 .* as in images\.round\(\)"),
         (lambda _: ciir.upscale(np.zeros((4, 4, 5), np.uint8)), r"images: an array of shape \(4, 4, 5\) .* 1 to 4"),
         (lambda _: ciir.upscale(np.zeros((1, 1, 4, 4, 3), np.uint8)), r"ciir\.LightField"),

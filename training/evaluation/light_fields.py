@@ -64,7 +64,7 @@ def measure(
 
     `path` and `layout` are as for `training.data.light_field.views.read_views`. Each view is degraded by
     `training.data.downscale.downscale_picture` and upscaled with only the views of the grid, as by `ciir reconstruct`:
-    with a single-image fallback, in float, and corrected for the sampling that is found. A single-picture model
+    with a single-picture fallback, in float, and corrected for the sampling that is found. A single-picture model
     upscales view by view. Unlike in BasicLFSR, LR and output are 8-bit RGB or grey, and a border of `scale` pixels is
     cut.
 

@@ -61,7 +61,7 @@ def score(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accurac
         try:
             ssims.append(compute_ssim(got, truth, border=upscaler.scale))
         except ValueError as error:
-            raise ValueError(f"{file}: {error}; take it out of the folder") from error
+            raise ValueError(f"{file}: {error}; remove it from the folder") from error
     name = folder.resolve().name  # that of `.` is empty
     data = f"{name} ({degradation})" if degradation else name
     return Accuracy(data, len(psnrs), round(float(np.mean(psnrs)), 4), round(float(np.mean(ssims)), 5))

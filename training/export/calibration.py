@@ -62,7 +62,7 @@ def make_picture_examples(folders: Sequence[Path], scale: int) -> list[Example]:
             try:
                 found.append(_make_picture_example(*downscale.downscale_picture(kind, middle, scale)))
             except ValueError as error:
-                raise ValueError(f"{file}: {error}; take it out of the folder") from error
+                raise ValueError(f"{file}: {error}; remove it from the folder") from error
     for name in SCENES:
         for index in range(VIEWS):
             made = mesh_views.render_pairs(load_scene(name), seed=0, index=index, scale=scale)

@@ -48,7 +48,7 @@ class OnnxFile:
             raise ValueError(f"{path}: takes {shape}, channels last; export it for RGB pictures (N, 3, H, W)")
         if len(shape) == 4 and isinstance(shape[0], int) and shape[0] != 1:
             raise ValueError(
-                f"{path}: takes only {shape[0]} pictures at a time; export it with a free batch, or one of 1"
+                f"{path}: takes only {shape[0]} pictures at a time; export it with a free batch, or a batch of 1"
             )
         if len(inputs) > 1 or self.input.type != "tensor(float)" or len(shape) != 4 or shape[1] in (1, 2, 4):
             taken = ", ".join(f"{each.name} {each.type} {each.shape}" for each in inputs)
@@ -128,8 +128,8 @@ def _find_sizes(network: OnnxFile, path: Path) -> tuple[Sizes, int]:
                 raise ValueError(f"{path}: doesn't upscale; give a network that does, by 2 or more")
             return sizes, scale
     raise ValueError(
-        f"{path}: makes no RGB picture of at least twice the size from 17x29 pixels, nor from larger sides up to "
-        f"multiples of {MULTIPLES[-1]}; give a network that upscales RGB, (N, 3, H, W)"
+        f"{path}: makes no RGB picture of at least twice the size from 17x29 pixels, nor if its sides are rounded up "
+        f"to multiples of up to {MULTIPLES[-1]}; give a network that upscales RGB, (N, 3, H, W)"
     )
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 GRIDS = ((1, 1), (1, 5), (5, 5), (4, 7))
 DISPARITIES = (-3.3, -0.5, 0.0, 0.01, 1.0, 2.75)
-"""Disparities in pixels a view."""
+"""Disparities in pixels per view."""
 BOUND = 1e-6
 """The largest error for views from 0 to 1 in float32."""
 

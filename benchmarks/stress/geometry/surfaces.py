@@ -126,7 +126,7 @@ def cut_outs(effort: Effort) -> Iterator[Found | Skipped]:
 
 def see_through(effort: Effort) -> Iterator[Found | Skipped]:
     """Places up to 63 sheets that each hide a twentieth close behind one another, and crossing triangles behind the
-    array, astride it and in front of it.
+    array, centred on it and in front of it.
     """
     backend = open_backend("raytrace")[0]
     for count in (63,) if effort.quick else (1, 8, 63):

@@ -1,1 +1,1 @@
-"""Stress cases of networks for single pictures."""
+"""Stress cases of single-picture networks."""

@@ -89,7 +89,7 @@ def make_model(
 
     Surfaces are cut where the disparity jumps so far from one pixel to the next that the farther half of the views on
     one side would not see what lies between. Without `keeps_background`, pixels that are black or transparent and
-    joined to the picture's border by others are no surface, if they are over `LEAST_BACKGROUND` of all pixels. Colours
+    joined to the picture's border by others are not surface, if they are over `LEAST_BACKGROUND` of all pixels. Colours
     of 16-bit views that use fewer bits are as bright as if they used all.
 
     Raises `InvalidOption` for a single view and if there is nothing but background.

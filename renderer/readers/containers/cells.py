@@ -57,7 +57,7 @@ class Cell:
 
     def __str__(self) -> str:
         if not self.kind:
-            return "no array of its own"
+            return "not an array of its own"
         return f"{show_shape(self.shape)} {clean_text(self.kind[:20])}" if math.prod(self.shape) else "empty"
 
 

@@ -234,7 +234,7 @@ def _group_triangles(
     group_of = []
     for material, lacks in zip(materials, incomplete, strict=True):
         if material.texture is not None and lacks[1]:
-            resolver.add_note("a material's texture is left out: it has corners without texture coordinates")
+            resolver.add_note("a texture is left out: its material has corners without texture coordinates")
         key = (
             material.texture,
             material.alpha_cutoff,

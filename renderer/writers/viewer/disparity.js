@@ -46,7 +46,7 @@ export class DisparityMeter {
   }
 
   /**
-   * The disparity at a place of the centre view, in pixels, or of the whole of it: the one at which the views around differ least.
+   * The disparity at a place of the centre view, in pixels, or of the whole of it: the one at which the neighbouring views differ least.
    * @param {number} [x] 0 to 1 from the left.
    * @param {number} [y] 0 to 1 from the top.
    * @returns {number | null} null where nothing there tells disparities apart, or the views are not loaded.

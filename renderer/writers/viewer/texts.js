@@ -11,7 +11,7 @@ export const VIEWER_TEXTS = {
   loading: "Loading",
   loadingViews: (/** @type {number} */ done, /** @type {number} */ total) => `Loading view ${done} of ${total}`,
   place: (/** @type {string} */ v, /** @type {string} */ u, /** @type {string} */ focus) =>
-    `View ${v}, ${u}. Focus ${focus} pixels a view.`,
+    `View ${v}, ${u}. Focus ${focus} pixels per view.`,
   flat: "The depth of that spot can't be measured; click an edge or a pattern.",
   noWebgl: "This browser has no WebGL 2; switch on hardware acceleration, or use a newer one.",
   lostWebgl: "WebGL was lost; load the page again.",

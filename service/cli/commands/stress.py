@@ -21,7 +21,7 @@ def run(args: argparse.Namespace) -> None:
     """Measures and prints, and writes the JSON file if one is named. Exits with `BROKEN` if a bound does not hold."""
     if args.json is not None:
         if not args.json:
-            raise InvalidOption("--json: '' is no name; name a file for the results")
+            raise InvalidOption("--json: '' is not a name; name a file for the results")
         place_for_file(Path(args.json))  # checked before minutes of work
     from ciir.benchmarks.stress import run as stress
     from ciir.benchmarks.stress.case import Effort

@@ -28,7 +28,7 @@ def _check_outcome(outcome: Result | Problem) -> Result | Problem:
     """Checks what else the parent relies on: metrics and headers use the report's numbers."""
     if isinstance(outcome, Problem):
         if not 400 <= outcome.status <= 599:
-            raise ValueError("no status of an error")
+            raise ValueError("not the status of an error")
         return Problem(outcome.status, _clean(outcome.title), _clean(outcome.detail))
     if not 0 <= outcome.size <= _MOST:
         raise ValueError("no size")

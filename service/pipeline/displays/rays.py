@@ -33,5 +33,5 @@ def check_rays(count: int, limit: int | None) -> None:
     """Raises `TooLarge` for more than `limit` rays."""
     if limit is not None and count > limit:
         raise TooLarge(
-            f"a picture by {count:,} rays is over the limit of {limit:,}; give fewer pixels, or leave sampling out"
+            f"a picture of {count:,} rays is over the limit of {limit:,}; give fewer pixels, or leave sampling out"
         )

@@ -183,7 +183,7 @@ KINDS: dict[KindName, Kind] = {
             _PICTURES,
             "tiff for a TIFF, else png",
             {
-                "model": f"a model for single pictures (default {catalogue.DEFAULT}, or its int8 twin if the "
+                "model": f"a single-picture model (default {catalogue.DEFAULT}, or its int8 twin if the "
                 "processor supports it)",
                 "scale": "output pixels for each input pixel along a side, 1 to 8 (default 2)",
                 "skip": "exact: skip pixels that can't change the result; none: compute everything (default exact)",

@@ -38,11 +38,11 @@ def select_model(job: Job) -> Selection:
     """Selects the model for `job`.
 
     `auto` takes the default light-field network, which is more accurate on all grids that it takes (docs/accuracy.md).
-    If there is a reason against it, `auto` takes the default network for single pictures. Both are int8 networks if the
+    If there is a reason against it, `auto` takes the default single-picture network. Both are int8 networks if the
     processor supports them. For a light-field network a mesh is rendered through a lens array that is moved
     (`service.pipeline.stages.moved_array`), or else the neighbouring views are rendered: `auto` does the first of these
     that is predicted to make the whole job at most `job.neighbour_time` longer. If views can't help each other, the
-    default for single pictures replaces a light-field network.
+    default single-picture network replaces a light-field network.
     """
     if job.model == NO_MODEL:
         return Selection(NO_MODEL)

@@ -35,7 +35,7 @@ Five such positions fall on all fifths of a pitch, as they do for 1 and 3. With 
 0.7 dB worse: neighbouring views of its training were rarely that close.
 """
 DISPARITIES = Range(-MOVED / WINDOW_SIDE, -MOVED / WINDOW_SIDE)
-"""The disparity of all content, in pixels from one position to the next: where lenses move right, it moves left."""
+"""The disparity of all content, in pixels from one position to the next: when lenses move right, it moves left."""
 CELL_SAMPLES = 2
 """A lenslet's samples along each side of a cell. With 1 views are 1 dB worse, with 3 they are 0.3 dB better."""
 MOST_SIDE = 8192

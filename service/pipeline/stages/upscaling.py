@@ -99,14 +99,14 @@ def _split_alpha(views: Mapping[View, Pixels]) -> tuple[Mapping[View, Pixels], i
 
 
 def fallback_name() -> str:
-    """Returns the network for single pictures that helps light-field networks on this processor."""
+    """Returns the single-picture network that helps light-field networks on this processor."""
     return catalogue.prefer_int8(catalogue.FALLBACK)
 
 
 def describe_model(name: str, scale: int) -> dict[str, Any]:
     """Returns the report's `model`: name, scale, and the network's SHA-256, null for interpolation.
 
-    A light-field network also has `fallback`, the model for single pictures that makes the pixels of low confidence.
+    A light-field network also has `fallback`, the single-picture model that makes the pixels of low confidence.
     """
     entry = catalogue.get_entry(name)
     described = {"name": name, "scale": scale, "sha256": entry.card.sha256 if entry.card is not None else None}

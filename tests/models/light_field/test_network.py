@@ -23,7 +23,7 @@ each_network = pytest.mark.parametrize("name", NETWORKS)
 LENSES = 64
 GRID = [(v, u) for v in range(5) for u in range(5)]
 HARM = 0.2
-"""Most dB that the views around may cost against the single-image network."""
+"""Most dB that the neighbouring views may cost against the single-picture network."""
 
 
 def render_views(name, refined, at, samples):

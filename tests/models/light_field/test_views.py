@@ -28,7 +28,7 @@ class Repeating:
 
 
 class White:
-    """A stand-in for a single-image model."""
+    """A stand-in for a single-picture model."""
 
     name, scale, radius = "white", 2, 0
 
@@ -262,7 +262,7 @@ def test_views_are_shifted_by_their_whole_disparity_first(shift, view):
 
 
 class ShowingDifferences(Repeating):
-    """Its picture is white where the views around differ, and black elsewhere."""
+    """Its picture is white where the neighbouring views differ, and black elsewhere."""
 
     radius = 4
 

@@ -7,7 +7,7 @@ from ciir.renderer.view_order.evidence import AROUND, ORDERS, REACH, TILE, fit_s
 
 
 def make_tiles(motion, *, noise=0.0, count=6):
-    """Tiles of a smooth texture, and of the views around, whose content moves by `motion(step)`, (down, across)."""
+    """Tiles of a smooth texture and its neighbouring views, whose content moves by `motion(step)`, (down, across)."""
     random = np.random.default_rng(0)
     side = TILE + 2 * REACH
     rows, cols = np.indices((side, side)) - REACH

@@ -125,7 +125,7 @@ def test_errors_of_pictures(tmp_path):
     with pytest.raises(ValueError, match=r"a\.png: a picture of 1x9 is smaller"):
         score(Nearest(2), tmp_path, degradation="box")
     save(tmp_path, "a.png", np.zeros((14, 14), np.uint8))
-    with pytest.raises(ValueError, match=r"a\.png: a picture of \(10, 10\).*SSIM's window.*take it out"):
+    with pytest.raises(ValueError, match=r"a\.png: a picture of \(10, 10\).*SSIM's window.*remove it"):
         score(Nearest(2), tmp_path, degradation="box")
     save(tmp_path, "a.png", np.zeros((20, 20), np.uint8))
     with pytest.raises(ValueError, match="no 'blur' here"):

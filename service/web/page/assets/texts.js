@@ -89,7 +89,7 @@ export const TEXTS = {
   time: "Times in seconds, from : to : count",
   rotate: "Turns to the right in degrees, from : to : count",
   stack: "Planes, from : to : count",
-  disparity: "Disparity of the plane, in pixels a view",
+  disparity: "Disparity of the plane, in pixels per view",
   epi: "Row y=120, or column x=80",
 };
 

@@ -307,7 +307,7 @@ def test_cells_without_a_header_are_empty():
     size = 8 + int.from_bytes(data[cell + 4 : cell + 8], "little")
     made = data[:cell] + bytes([14, 0, 0, 0, 0, 0, 0, 0]) + data[cell + size :]
     made = made[:132] + (len(made) - 136).to_bytes(4, "little") + made[136:]
-    with pytest.raises(Unreadable, match=r"views\{1,1\} is no array of its own, not a picture"):
+    with pytest.raises(Unreadable, match=r"views\{1,1\} is not an array of its own, not a picture"):
         read(made)
 
 
@@ -350,7 +350,7 @@ def refer_to_a_virtual_one(made, refs, cells):
     "change", [refer_twice, refer_to_nothing, refer_to_a_group, refer_elsewhere, refer_to_a_virtual_one]
 )
 def test_references_to_anything_but_a_data_set_of_its_own(change):
-    with pytest.raises(Unreadable, match=r"a.mat: holds views 2x3.*; views\{2,3\} is no array of its own"):
+    with pytest.raises(Unreadable, match=r"a.mat: holds views 2x3.*; views\{2,3\} is not an array of its own"):
         read(edit(change))
 
 

@@ -64,7 +64,7 @@ def test_a_mesh_whose_views_are_all_wanted(stand_in):
 
 @pytest.fixture
 def extra(monkeypatch):
-    """Sets the milliseconds that the views around take, as predicted."""
+    """Sets the milliseconds that the neighbouring views take, as predicted."""
 
     def put(ms):
         monkeypatch.setattr(model_selection, "predict_extra", lambda *_, **__: ms)

@@ -130,4 +130,4 @@ def test_rays_over_the_servers_limit_are_refused(tmp_path):
     with run_app(tmp_path, max_output_pixels=20_000) as client:
         response = post(client, ("cube.off", CUBE), {"display": PANEL})
         assert response.status_code == 413
-        assert "a picture by 28,800 rays is over the limit of 20,000" in response.json()["detail"]
+        assert "a picture of 28,800 rays is over the limit of 20,000" in response.json()["detail"]
