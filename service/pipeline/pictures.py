@@ -12,9 +12,11 @@ import numpy as np
 from ciir.errors import InvalidOption
 from ciir.models import catalogue
 from ciir.models.single.skipping import SkipStatistics
+from ciir.renderer.displays.quilt import parse_name
 from ciir.renderer.levels import ROUNDED
 from ciir.renderer.limits import DEFAULT_LIMITS, Limits
-from ciir.renderer.readers import pictures
+from ciir.renderer.readers import pictures, png
+from ciir.renderer.readers.layout import TEXT
 from ciir.renderer.readers.metadata import colour_profiles
 from ciir.renderer.writers.pictures import encode
 from ciir.service.pipeline.limits import check_size
@@ -79,6 +81,7 @@ def upscale_files(
     done: list[dict[str, Any]] = []
     statistics = SkipStatistics()
     profiles: dict[str, list[str]] = {}
+    several: list[str] = []
     is_rounded = False
     for name, output in outputs.items():
         with clock.stage("decode"):
@@ -86,6 +89,8 @@ def upscale_files(
             if (profile := colour_profiles.name_profile(files[name])) is not None:
                 profiles.setdefault(profile, []).append(name)
             is_rounded = is_rounded or pictures.is_rounded(files[name])
+            if _holds_views(name, files[name]):
+                several.append(name)
         _encode(pixels[:1, :1], output)  # raises before the work starts if the format can't hold the picture
         check_size(pixels.shape[:2], scale, limit=max_pixels, what=name)
         with clock.stage("upscale"):
@@ -113,12 +118,23 @@ def upscale_files(
             colour_profiles.describe_profile(profile, names[0] + (f" and {len(names) - 1} more" if names[1:] else ""))
             for profile, names in profiles.items()
         ]
+        + [
+            f"{name}: holds several views, and they were upscaled as one picture; ciir convert with a model upscales "
+            "each of them"
+            for name in several
+        ]
         + [ROUNDED] * is_rounded,
         "model": describe_model(name_of_model, scale),
         "skipped": describe_skipped(statistics),
         "timings_ms": clock.timings_ms(),
         "versions": find_versions("onnxruntime"),
     }
+
+
+def _holds_views(name: str, data: bytes) -> bool:
+    """Returns whether a picture says that it is a quilt, by its name, or another picture of several views by ciir."""
+    is_written = data.startswith(png.SIGNATURE) and png.find_text(data, TEXT) is not None
+    return is_written or parse_name(PurePosixPath(name).name) is not None
 
 
 def _encode(pixels: Pixels, output: str) -> bytes:

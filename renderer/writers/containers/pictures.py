@@ -26,6 +26,12 @@ if TYPE_CHECKING:
 ESLF_PIXELS = 14
 """Pixels along each side of a lens."""
 
+ONE_ROW = (
+    "eia: lenses of {columns} pixels side by side, as there is one row of views; for a quilt give format quilt, or a "
+    "name with its layout, such as _qs8x6a0.75"
+)
+"""A note on elemental image arrays of one row of views."""
+
 
 class PictureWriter(WholeWriter):
     """Writes a picture made from the light field."""
@@ -58,6 +64,12 @@ class EiaWriter(PictureWriter):
     def draw(self, light_field: LightField) -> Pixels:
         """Returns the elemental image array."""
         return light_field.eia()
+
+    def encode(self, light_field: LightField) -> list[str]:
+        """Writes the picture, with a note on a single row of views, as quilts have it."""
+        rows, columns = light_field.shape[:2]
+        notes = [ONE_ROW.format(columns=columns)] if rows == 1 < columns else []
+        return [*super().encode(light_field), *notes]
 
 
 class MosaicWriter(PictureWriter):

@@ -98,7 +98,9 @@ def make_picture(
             made["notes"] = [*light_field.notes, *note_scale(options.scale)]
         else:
             wanted = replace(options, views=_name_views(opened, target))
-            light_field, made = collect_views(source, wanted, max_pixels=max_pixels, progress=progress, clock=clock)
+            light_field, made = collect_views(
+                source, wanted, crops_rows=True, max_pixels=max_pixels, progress=progress, clock=clock
+            )
         with clock.stage("map"):
             picture = show_light_field(light_field, target, written, max_pixels=most, progress=progress)
     report: Report = {
@@ -137,7 +139,7 @@ def _name_views(views: LightField | ViewFiles, target: Target) -> str:
 
 def _check_options(name: str, content: Content, options: Options, target: Target) -> None:
     """Raises `InvalidOption` for an option that is for the other kind of input, or that the display determines."""
-    check_kind(name, content, options)
+    check_kind(name, content, options, is_upscaled=options.model != NO_MODEL)
     is_mesh = isinstance(content, Scene)
     for option in ("lenses", "pixels", "pitch", "delta", "parallax") if is_mesh else ():
         if getattr(options, option) is not None:
@@ -150,7 +152,7 @@ def _check_options(name: str, content: Content, options: Options, target: Target
         raise InvalidOption(f"disparity: this is for light fields, and {name} is a mesh; give place instead")
     if options.backend == "raster":
         raise InvalidOption("backend: pictures for displays are ray-traced; leave it out or give raytrace")
-    if isinstance(target, Calibration) and options.sampling != Options.sampling:
+    if is_mesh and isinstance(target, Calibration) and options.sampling != Options.sampling:
         raise InvalidOption("sampling: a native picture takes one ray for each subpixel; leave it out")
 
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from ciir.models import catalogue, processor
 from ciir.models.light_field.windows import MINIMUM_GRID, WINDOW_SIDE
-from ciir.service.pipeline.limits import MAX_VIEW_SAMPLES
 from ciir.service.pipeline.options import AUTO, NO_MODEL
 from ciir.service.pipeline.planning.prediction import count_rendered, predict_extra
 from ciir.service.pipeline.stages.moved_array import count_samples, is_possible
@@ -135,13 +134,13 @@ def _judge_moving(job: Job, mesh: Scene, light_field: Entry, single: Entry) -> t
     bound = 1000 * job.neighbour_time
     samples = count_samples(job.array, job.samples) * len(job.wanted) * job.frames
     is_over = job.max_pixels is not None and samples > job.max_pixels
-    if not can_run or not bound or is_over or not is_possible(job.array, job.samples, MAX_VIEW_SAMPLES):
+    if not can_run or not bound or is_over or not is_possible(job.array, job.samples):
         return False, ""
     extra = predict_extra(job, mesh, light_field, single, moves_array=True, bound=bound)
     if extra > bound:
         return False, ""
     rendered = f"; each is rendered through the lens array at {WINDOW_SIDE}x{WINDOW_SIDE} positions"
-    return True, f"{rendered}: {_compare(extra, single, bound)}"
+    return True, f"{rendered}: {_compare(job, extra, single, bound)}"
 
 
 def _judge_neighbours(job: Job, mesh: Scene, light_field: Entry, single: Entry) -> tuple[str, str]:
@@ -158,14 +157,15 @@ def _judge_neighbours(job: Job, mesh: Scene, light_field: Entry, single: Entry) 
     if not bound:
         return f"{light_field.name} would need {neighbours} more views rendered, and neighbour_time 0 allows none", ""
     extra = predict_extra(job, mesh, light_field, single, moves_array=False, bound=bound)
-    times = _compare(extra, single, bound)
+    times = _compare(job, extra, single, bound)
     if extra > bound:
         return f"{light_field.name} would need {neighbours} more views rendered around those asked for: {times}", ""
     return "", f"; {neighbours} more are rendered around those asked for: {times}"
 
 
-def _compare(extra: float, single: Entry, bound: float) -> str:
-    return f"about {extra:.0f} ms more than {single.name} alone, and neighbour_time allows {bound:.0f} ms"
+def _compare(job: Job, extra: float, single: Entry, bound: float) -> str:
+    each = "" if job.frames == 1 else " for each frame"
+    return f"about {extra:.0f} ms more than {single.name} alone{each}, and neighbour_time allows {bound:.0f} ms"
 
 
 def _count_excess(job: Job, neighbours: int) -> int:

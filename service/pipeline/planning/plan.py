@@ -16,7 +16,7 @@ from ciir.service.pipeline.options import NO_MODEL, Options
 from ciir.service.pipeline.planning import cost
 from ciir.service.pipeline.planning.model_selection import select_model
 from ciir.service.pipeline.planning.prediction import predict_times
-from ciir.service.pipeline.stages.moved_array import CELL_SAMPLES
+from ciir.service.pipeline.stages.moved_array import find_cell_side
 
 if TYPE_CHECKING:
     from ciir.models.catalogue import Entry
@@ -82,7 +82,7 @@ def make_plan(job: Job) -> Plan:
         why = "views with transparency" if is_network else "interpolation"
         reasons.append(f"sampling lenslet: changes nothing in {why}")
         notes.append(reasons[-1])
-    samples = WINDOW_SIDE * CELL_SAMPLES if selected.moves_array and job.samples > 1 else job.samples
+    samples = WINDOW_SIDE * find_cell_side(job.samples) if selected.moves_array else job.samples
     return Plan(
         strategy,
         selected.model,

@@ -13,7 +13,7 @@ from ciir.renderer import backends
 from ciir.renderer.framing import CLEARANCE, FILL
 from ciir.service.pipeline.options import NO_MODEL
 from ciir.service.pipeline.planning import cost
-from ciir.service.pipeline.stages.moved_array import count_samples
+from ciir.service.pipeline.stages.moved_array import count_cells, count_samples
 from ciir.service.pipeline.stages.schedule import batch_size
 
 if TYPE_CHECKING:
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.planning.cost import Costs
     from ciir.service.pipeline.planning.plan import Plan
 
+CUT_MS = 4e-5
+"""Cost of each cell of a moved lens array, whose pictures are cut out of one rendering."""
 UNSURE = 3.0
 """Within this factor of a bound, typical costs don't decide; this machine is measured instead."""
 
@@ -51,7 +53,7 @@ def predict_times(
 
 
 def predict_plan(job: Job, plan: Plan) -> float:
-    """Predicts the milliseconds from the opened input to encoded views.
+    """Predicts the milliseconds from the opened input to encoded views, for all frames together.
 
     Nothing is measured for it: typical costs are used for anything not known about this machine.
     """
@@ -65,7 +67,7 @@ def predict_plan(job: Job, plan: Plan) -> float:
     if plan.model != NO_MODEL:
         model = catalogue.get_entry(plan.model)
         stages.append(_predict_upscaling(job, model, costs))
-    return _total(job, stages, plan.scale)
+    return _total(job, stages, plan.scale) * job.frames
 
 
 def predict_extra(
@@ -109,9 +111,12 @@ def _predict_upscaling(job: Job, model: Entry, costs: Costs) -> cost.Stage:
 def _predict_rendering(
     job: Job, mesh: Scene, rays: int, views: int, costs: Costs, *, moves_array: bool = False
 ) -> cost.Stage:
-    """Predicts the cost of `views` views of `rays` rays each; a moved lens array takes more, by the same backend."""
+    """Predicts the cost of `views` views of `rays` rays each.
+
+    A moved lens array takes more rays, by the same backend, and its pictures are cut out of the rendering.
+    """
     textures = [(part.texture, len(part.faces)) for part in mesh.parts if part.texture]
-    return costs.rendering(
+    stage = costs.rendering(
         cost.Rendering(
             backends.predict_backend(
                 job.backend, triangles=mesh.triangles, rays=rays, is_see_through=mesh.is_see_through
@@ -124,6 +129,7 @@ def _predict_rendering(
             culls=job.skip,
         )
     )
+    return stage._replace(views=stage.views + views * count_cells(job.array) * CUT_MS) if moves_array else stage
 
 
 def _total(job: Job, stages: list[cost.Stage], scale: int) -> float:

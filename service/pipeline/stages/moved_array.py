@@ -38,8 +38,8 @@ DISPARITIES = Range(-MOVED / WINDOW_SIDE, -MOVED / WINDOW_SIDE)
 """The disparity of all content, in pixels from one position to the next: when lenses move right, it moves left."""
 CELL_SAMPLES = 2
 """A lenslet's samples along each side of a cell. With 1 views are 1 dB worse, with 3 they are 0.3 dB better."""
-MOST_SIDE = 8192
-"""Most samples along a side of the rendering, which OpenGL can draw everywhere."""
+MOST_SAMPLES, MOST_SIDE = 16_000_000, 8192
+"""Most samples of one view, which take half a gigabyte, and along a side, which OpenGL can draw everywhere."""
 
 
 def refine_array(array: LensArray) -> LensArray:
@@ -50,20 +50,25 @@ def refine_array(array: LensArray) -> LensArray:
     return replace(array, rows=array.rows + 2, cols=array.cols + 2).refine(WINDOW_SIDE)
 
 
-def find_samples(array_samples: int) -> int:
-    """Returns the samples along each side of a cell, given those along each side of a lens."""
-    return 1 if array_samples == 1 else CELL_SAMPLES
+def find_cell_side(lens_side: int) -> int:
+    """Returns the number of samples along each side of a cell, given that along each side of a lens of the array."""
+    return 1 if lens_side == 1 else CELL_SAMPLES
 
 
-def count_samples(array: LensArray, array_samples: int) -> int:
-    """Counts the samples of one view; `array_samples` is the same as in `find_samples`."""
-    return (array.rows + 2) * (array.cols + 2) * (WINDOW_SIDE * find_samples(array_samples)) ** 2
+def count_cells(array: LensArray) -> int:
+    """Counts the cells of one view."""
+    return (array.rows + 2) * (array.cols + 2) * WINDOW_SIDE**2
 
 
-def is_possible(array: LensArray, array_samples: int, most: int) -> bool:
-    """Returns whether a view has at most `most` samples, and at most `MOST_SIDE` along a side."""
-    side = (max(array.rows, array.cols) + 2) * WINDOW_SIDE * find_samples(array_samples)
-    return count_samples(array, array_samples) <= most and side <= MOST_SIDE
+def count_samples(array: LensArray, lens_side: int) -> int:
+    """Counts the samples of one view; `lens_side` is the same as in `find_cell_side`."""
+    return count_cells(array) * find_cell_side(lens_side) ** 2
+
+
+def is_possible(array: LensArray, lens_side: int) -> bool:
+    """Returns whether a view has at most `MOST_SAMPLES` samples, and at most `MOST_SIDE` along a side."""
+    side = (max(array.rows, array.cols) + 2) * WINDOW_SIDE * find_cell_side(lens_side)
+    return count_samples(array, lens_side) <= MOST_SAMPLES and side <= MOST_SIDE
 
 
 def list_grid(grid: View) -> View:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -46,9 +45,9 @@ class MeshViews:
         self._mesh, self._job, self._plan, self._clock = mesh, job, plan, clock
         self._array = job.array.refine(plan.scale) if plan.strategy == "direct" else job.array
         check_view_samples(self._array, plan.samples, plan.strategy)
-        own = job.samples if plan.moves_array else plan.samples
-        self._rays = self._array.rows * self._array.cols * own**2
-        moved = math.ceil(moved_array.count_samples(self._array, own) / moved_array.PICTURES)
+        side = job.samples if plan.moves_array else plan.samples
+        self._rays = self._array.rows * self._array.cols * side**2
+        moved = moved_array.count_samples(self._array, side) // moved_array.PICTURES
         self.samples = moved if plan.moves_array else self._rays
         """Points of the mesh that are sampled for each picture of `make_views`."""
         self.sample: Pixels = np.zeros((1, 1, 3), np.uint8)
@@ -78,7 +77,7 @@ class MeshViews:
         if not self._plan.moves_array:
             return self._render(self._array, views, self._plan.samples)
         shown = list(dict.fromkeys(map(moved_array.find_view, views)))
-        samples = moved_array.find_samples(self._job.samples)
+        samples = moved_array.find_cell_side(self._job.samples)
         rendered = self._render(moved_array.refine_array(self._array), shown, samples)
         return moved_array.take_pictures(rendered, views, averages=self._job.samples > 1)
 

@@ -8,6 +8,7 @@ from PIL import Image
 from ciir import models
 from ciir.errors import InputError, InvalidOption, UnsupportedScale
 from ciir.renderer.levels import ROUNDED
+from ciir.renderer.readers.layout import TEXT, write_text
 from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.pictures import encode
 from ciir.service.pipeline.pictures import output_names, upscale_files
@@ -71,6 +72,15 @@ def test_floating_point_samples_are_noted():
     tifffile.imwrite(file, make_picture(5, 7).astype(np.float32) / 255, photometric="rgb")
     _, report = run({"a.tif": file.getvalue()})
     assert report["notes"] == [ROUNDED]
+
+
+def test_pictures_of_several_views_are_noted():
+    eia = encode(EIA, ".png", {TEXT: write_text("eia", (2, 2, 2, 2, 3))})
+    other = encode(EIA, ".png", {"Software": "x"})
+    _, report = run({"a.png": eia, "b.png": other, "c_qs8x6a0.75.png": other})
+    names = [note.partition(":")[0] for note in report["notes"]]
+    assert names == ["a.png", "c_qs8x6a0.75.png"]
+    assert "upscaled as one picture; ciir convert with a model upscales each of them" in report["notes"][0]
 
 
 def test_colour_profiles_that_are_not_srgb_are_noted_once_each():

@@ -11,6 +11,7 @@ from ciir.renderer.writers.formats import FOLDER, WHOLE_BY_SUFFIX, find_implied,
 from ciir.service import outputs
 from ciir.service.cli import common, output_path
 from ciir.service.cli.display_pictures import find_display, write_picture
+from ciir.service.pipeline.options import NO_MODEL
 
 if TYPE_CHECKING:
     import argparse
@@ -25,6 +26,8 @@ def run(args: argparse.Namespace) -> None:
             f"{'rotate' if varied == 'yaw' else varied}: {len(options.moments)} {varied}s make a video of one view, "
             f"with ciir reconstruct; give one {varied} for ciir convert, which writes all views"
         )
+    if options.model == NO_MODEL and hasattr(args, "option_scale"):
+        raise InvalidOption("scale: views are written as they are; give model auto, which upscales them first, too")
     display = find_display(args, options)
     if display is not None:
         write_picture(args, options, display)

@@ -20,7 +20,7 @@ def test_upscaling_is_the_default():
         assert (made.strategy, made.model, made.scale, made.samples) == ("upscale", default_name(), 2, 1)
         assert not made.is_light_field
     made = mesh()
-    assert (made.strategy, made.model, made.scale, made.samples) == ("upscale", light_field_default_name(), 2, 1)
+    assert (made.strategy, made.model, made.scale, made.samples) == ("upscale", light_field_default_name(), 2, 5)
     assert made.is_light_field
 
 
@@ -67,7 +67,7 @@ def test_without_a_model_auto_leaves_views_as_they_are():
 def test_a_lenslet_averages_over_its_pitch():
     assert mesh(sampling="lenslet", model="fast").samples == 4
     assert mesh(sampling="lenslet", model="field").samples == 10  # 2x2 for each of 5x5 cells
-    assert mesh(sampling="pinhole", model="field").samples == 1
+    assert mesh(sampling="pinhole", model="field").samples == 5
 
 
 def test_the_sampling_of_pictures_is_found_where_it_is_unknown():

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -14,6 +15,7 @@ from ciir.service.pipeline.job import resolve_array
 from ciir.service.pipeline.options import Options
 from ciir.service.pipeline.planning import cost, plan, prediction
 from ciir.service.pipeline.planning.cost import Stage
+from ciir.service.pipeline.planning.plan import Plan
 from tests.support.pipeline import make_light_field_job, make_mesh_job
 
 
@@ -180,15 +182,20 @@ def test_what_a_light_field_network_costs_more_is_measured_only_where_it_is_clos
     assert asked == measured
 
 
-def test_a_moved_lens_array_costs_its_samples(prices, monkeypatch):
-    """One view of 102x102x25 rays in place of one of 10,000."""
+def test_a_moved_lens_array_costs_its_samples(prices):
+    """One view of 102x102x25 rays in place of one of 10,000, and as many cells are cut."""
     prices(pixel=1e-3)
     job = make_mesh_job(backend="raytrace")
     networks = {entry.name: entry for entry in catalogue.list_entries()}
     given = job, job.mesh, networks["field"], networks["fast"]
     own = prediction.predict_extra(*given, moves_array=False, bound=0.0)
     moved = prediction.predict_extra(*given, moves_array=True, bound=0.0)
-    assert moved / own == pytest.approx((102 * 102 * 25 - 10_000) / (24 * 10_000))
+    ray = own / (24 * 10_000)
+    assert moved == pytest.approx((102 * 102 * 25 - 10_000) * ray + 102 * 102 * 25 * prediction.CUT_MS)
+    plan = Plan("upscale", "field", 2, 5, is_light_field=True, moves_array=True)
+    alone = prediction.predict_plan(job, Plan("upscale", "fast", 2, 1))
+    assert prediction.predict_plan(job, plan) - alone == pytest.approx(moved)
+    assert prediction.predict_plan(replace(job, frames=3), plan) == pytest.approx(3 * (alone + moved))
 
 
 def test_costs_that_cannot_be_kept_are_reported(prices):

@@ -131,3 +131,11 @@ def test_rays_over_the_servers_limit_are_refused(tmp_path):
         response = post(client, ("cube.off", CUBE), {"display": PANEL})
         assert response.status_code == 413
         assert "a picture of 28,800 rays is over the limit of 20,000" in response.json()["detail"]
+
+
+def test_larger_views_keep_to_the_servers_limit(tmp_path, views):
+    with run_app(tmp_path, max_output_pixels=6 * 48 * 48) as client:
+        assert post(client, views, quilt="3x2", model="bicubic").status_code == 200
+        response = post(client, views, quilt="3x2", model="bicubic", scale="3")
+        assert response.status_code == 413
+        assert "6 views of 72x72 pixels" in response.json()["detail"]

@@ -156,9 +156,35 @@ def test_only_the_middle_row_is_upscaled_for_a_quilt(folder, monkeypatch, sense)
     assert upscaled[1:] == ["all"]
 
 
-def test_a_scale_without_a_model_is_noted(folder, capsys):
-    assert convert("in.npz -o q_qs3x2a1.png --scale 3") == 0
-    assert "note: scale: 3 changes nothing with model none" in capsys.readouterr().err
+def test_the_size_of_larger_views_is_checked_before_they_are_made(folder, monkeypatch, capsys):
+    LightField(np.zeros((1, 2, 3, 5000, 3), np.uint8), depth_sense="cameras").save("wide.npz")
+    assert convert("wide.npz -o q_qs2x1a1.webp --order given") == 0
+    monkeypatch.setattr(displays, "collect_views", None)
+    assert convert("wide.npz -o q_qs2x1a1.webp --order given --model bicubic") == 2
+    assert "WebP holds 8 bit and 16383 pixels along a side, not 8 bit and 20000x6" in capsys.readouterr().err
+
+
+def test_the_sampling_of_views_that_are_upscaled_may_be_given(folder, capsys):
+    assert convert("in.npz -o a_qs3x2a1.png --sampling lenslet") == 2
+    assert "sampling: this is for meshes and upscaled views" in capsys.readouterr().err
+    for words in ("-o a_qs3x2a1.png", "-o a.png --calibration c.json", "-o a.png --display p.toml"):
+        assert convert(f"in.npz {words} --sampling lenslet --model fast --order given") == 0
+
+
+@pytest.mark.parametrize("words", ["in.npz -o q_qs3x2a1.png", "in.npz -o larger.npy", "scene:vase -o q_qs3x2a1.png"])
+def test_a_scale_without_a_model_is_refused(folder, capsys, words):
+    for scale in (2, 3):
+        assert convert(f"{words} --scale {scale}") == 2
+        assert "scale: views are written as they are; give model auto" in capsys.readouterr().err
+
+
+def test_a_quilt_that_becomes_no_quilt_is_noted(folder, capsys):
+    assert convert("in.npz -o q_qs3x2a1.png") == 0
+    assert "one row of views" not in capsys.readouterr().err
+    assert convert("q_qs3x2a1.png -o larger.png --model bicubic") == 0
+    assert "note: eia: lenses of 6 pixels side by side, as there is one row of views" in capsys.readouterr().err
+    assert convert("in.npz -o larger.png") == 0
+    assert "one row of views" not in capsys.readouterr().err
 
 
 def test_a_quilt_becomes_a_native_picture(folder, capsys):
