@@ -140,8 +140,16 @@ def load_upscaler(name: str, *, scale: int = 2, threads: int | None = None, emul
     Raises `UnknownModel`, `UnsupportedScale`, `UnsuitedModel` for a light-field network, `UnsuitedProcessor` for an
     int8 network on a processor that computes it wrongly, or `BadCard` if the installation is damaged.
     """
+    if name in BASELINES:
+        return _make_baseline(name, scale)
+    entry = _find_entry(name, scale, is_light_field=False)
+    if entry.is_light_field or entry.path is None:
+        raise UnsuitedModel(
+            f"model {name}: it upscales views of a light field, not single pictures; use `ciir reconstruct`, or name "
+            f"{DEFAULT} for single pictures"
+        )
     with _lock:
-        return _load_upscaler(name, scale, threads, emulates_int8)
+        return _open_single(entry.path.resolve(), threads, emulates_int8)
 
 
 def load_light_field_network(name: str, *, scale: int = 2, emulates_int8: bool = False) -> LightFieldNetwork:
@@ -149,29 +157,26 @@ def load_light_field_network(name: str, *, scale: int = 2, emulates_int8: bool =
 
     Raises the same errors as `load_upscaler`, with `UnsuitedModel` for a single-picture model.
     """
-    with _lock:
-        return _load_light_field_network(name, scale, emulates_int8)
-
-
-@cache
-def _load_upscaler(name: str, scale: int, threads: int | None, emulates_int8: bool) -> Upscaler:
-    if name in BASELINES:
-        return BASELINES[name](scale)
-    entry = _find_entry(name, scale, is_light_field=False)
-    if entry.is_light_field or entry.path is None:
-        raise UnsuitedModel(
-            f"model {name}: it upscales views of a light field, not single pictures; use `ciir reconstruct`, or name "
-            f"{DEFAULT} for single pictures"
-        )
-    return SingleImageNetwork(entry.path, threads=threads, emulates_int8=emulates_int8)
-
-
-@cache
-def _load_light_field_network(name: str, scale: int, emulates_int8: bool) -> LightFieldNetwork:
     entry = _find_entry(name, scale, is_light_field=True)
     if not entry.is_light_field or entry.path is None:
         raise UnsuitedModel(f"model {name}: it upscales single pictures, not views with the help of their neighbours")
-    return LightFieldNetwork(entry.path, emulates_int8=emulates_int8)
+    with _lock:
+        return _open_light_field(entry.path.resolve(), emulates_int8)
+
+
+@cache
+def _make_baseline(name: str, scale: int) -> Upscaler:
+    return BASELINES[name](scale)
+
+
+@cache
+def _open_single(path: Path, threads: int | None, emulates_int8: bool) -> Upscaler:
+    return SingleImageNetwork(path, threads=threads, emulates_int8=emulates_int8)
+
+
+@cache
+def _open_light_field(path: Path, emulates_int8: bool) -> LightFieldNetwork:
+    return LightFieldNetwork(path, emulates_int8=emulates_int8)
 
 
 def advise_export(name: str) -> str:

@@ -49,6 +49,8 @@ def test_networks_of_ones_own(tmp_path, monkeypatch):
     assert models.list_names() == before
     with pytest.raises(UnknownModel, match="CIIR_MODELS"):
         models.load_upscaler("own/mine.json")
+    with pytest.raises(UnknownModel, match="no 'mine' here"):  # although it was loaded before
+        models.load_upscaler("mine")
 
 
 @pytest.mark.parametrize(
