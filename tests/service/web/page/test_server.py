@@ -84,7 +84,7 @@ def test_two_tabs_share_the_server_and_the_list_of_jobs(page):
         go_to(tab, f"{LONG}&rotate=9,0,0")
         wait_for_progress(tab)
     other.get_by_role("button", name="Cancel").click()
-    expect(page.get_by_role("alert")).to_contain_text("Another window or program cancelled it.")
+    expect(page.get_by_role("alert")).to_contain_text("Another window or program cancelled this job.")
     expect(other.locator("#status")).to_have_text("Cancelled.")
     go_to(page, SMALL)
     wait_for_picture(page, 40, 60)
