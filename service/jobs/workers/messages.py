@@ -1,4 +1,4 @@
-"""The messages of worker processes, with checks: whoever sent its input may control a worker process."""
+"""The messages of worker processes, with checks, because a malicious input may take over a worker process."""
 
 from __future__ import annotations
 
