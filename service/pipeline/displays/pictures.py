@@ -77,11 +77,10 @@ def make_picture(
     with clock.stage("decode"):
         opened = given.open(options, views="all")
     _check_options(given.name, opened, options, target)
-    made: Report = {}
     matrix = None
     if isinstance(opened, Scene):
         BY_SUFFIX[suffix].check(find_size(target), np.dtype(np.uint8))
-        made["notes"] = opened.notes
+        made: Report = {"notes": opened.notes, "versions": find_versions("embreex")}
         if options.place is None and options.fit != "none":
             options = replace(options, place=0.0)
         check_rays(count_rays(target, options), max_pixels)
@@ -95,7 +94,7 @@ def make_picture(
         if options.model == NO_MODEL:
             with clock.stage("decode"):
                 light_field = _load_views(opened, target)
-            made["notes"] = [*light_field.notes, *note_scale(options.scale)]
+            made = {"notes": [*light_field.notes, *note_scale(options.scale)], "versions": find_versions()}
         else:
             wanted = replace(options, views=_name_views(opened, target))
             light_field, made = collect_views(
@@ -113,7 +112,7 @@ def make_picture(
         "options": options.as_dict(KINDS["display"].options),
         "notes": [*(() if isinstance(target, IntegralDisplay) else target.notes), *made["notes"], *picture.notes],
         "timings_ms": clock.timings_ms(),
-        "versions": find_versions(*(("embreex",) if matrix is not None else ())),
+        "versions": made["versions"],
     }
     return picture, report
 

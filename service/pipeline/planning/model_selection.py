@@ -40,8 +40,8 @@ def select_model(job: Job) -> Selection:
     If there is a reason against it, `auto` takes the default single-picture network. Both are int8 networks if the
     processor supports them. For a light-field network a mesh is rendered through a lens array that is moved
     (`service.pipeline.stages.moved_array`), or else the neighbouring views are rendered: `auto` does the first of these
-    that is predicted to make the whole job at most `job.neighbour_time` longer. If views can't help each other, the
-    default single-picture network replaces a light-field network.
+    that is predicted to make the job, or each frame of a video, at most `job.neighbour_time` longer. If views can't
+    help each other, the default single-picture network replaces a light-field network.
     """
     if job.model == NO_MODEL:
         return Selection(NO_MODEL)

@@ -176,6 +176,9 @@ class DisplayReport(_AnyReport):
     """Its `kind` and numbers, including `layout` of a quilt: `cols`, `rows`, `aspect`."""
     scene_transform: list[list[float]] | None
     """4x4, row-major: from a mesh's coordinates to those of the display."""
+    plan: NotRequired[Plan]
+    """Only if a model upscaled a light field's views, as the next."""
+    model: NotRequired[UsedModel]
     options: dict[str, Any]
     """All options with their values."""
 

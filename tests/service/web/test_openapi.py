@@ -11,6 +11,7 @@ from tests.support.inputs import CUBE
 from tests.support.web import run_app
 
 MESH = {"lenses": "8x6", "pixels": "3x3", "backend": "raytrace"}
+PANEL = "[panel]\npixels = [60, 40]\npitch = 0.1\n[lenses]\npitch = 1.0\ngap = 3.0\n"
 GRID = {"lens_pitch": "5.5", "lens_offset": "2,2.5", "lens_rotation": "0", "lens_grid": "hexagonal-columns"}
 REQUESTS = {
     "mesh": ("reconstruction", "cube.off", MESH),
@@ -43,6 +44,9 @@ REQUESTS = {
     "inspected picture": ("inspection", "eia.png", {}),
     "inspected elemental image array": ("inspection", "eia.png", {"lenses": "6x9"}),
     "inspected raw lenslet picture": ("inspection", "eia.png", GRID),
+    "quilt": ("display", "eia.png", {"lenses": "6x9", "quilt": "2x2"}),
+    "quilt of upscaled views": ("display", "eia.png", {"lenses": "6x9", "quilt": "2x2", "model": "fast"}),
+    "panel's picture of a mesh": ("display", "cube.off", {"display": PANEL}),
     "disparity of a mesh": ("disparity", "cube.off", MESH | {"view": "0,2", "format": "zip"}),
 }
 

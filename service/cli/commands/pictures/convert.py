@@ -27,7 +27,9 @@ def run(args: argparse.Namespace) -> None:
             f"with ciir reconstruct; give one {varied} for ciir convert, which writes all views"
         )
     if options.model == NO_MODEL and hasattr(args, "option_scale"):
-        raise InvalidOption("scale: views are written as they are; give model auto, which upscales them first, too")
+        raise InvalidOption(
+            "scale: views are written as they are unless a model upscales them; give model auto too, or leave it out"
+        )
     display = find_display(args, options)
     if display is not None:
         write_picture(args, options, display)

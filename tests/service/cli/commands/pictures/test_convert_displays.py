@@ -136,6 +136,7 @@ def test_views_are_upscaled_first(folder, words, scale):
         report = json.loads((folder / "r.json").read_text())
         pictures.append(read(folder / words.split()[1]))
         assert report.get("plan", {}).get("model") == (None if given == "large.npz" else "bicubic")
+        assert ("onnxruntime" in report["versions"]) == (given != "large.npz")
     assert np.array_equal(*pictures)
 
 
@@ -175,7 +176,7 @@ def test_the_sampling_of_views_that_are_upscaled_may_be_given(folder, capsys):
 def test_a_scale_without_a_model_is_refused(folder, capsys, words):
     for scale in (2, 3):
         assert convert(f"{words} --scale {scale}") == 2
-        assert "scale: views are written as they are; give model auto" in capsys.readouterr().err
+        assert "scale: views are written as they are unless a model upscales them" in capsys.readouterr().err
 
 
 def test_a_quilt_that_becomes_no_quilt_is_noted(folder, capsys):
