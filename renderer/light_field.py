@@ -39,6 +39,7 @@ class LightField:
     - `depth_sense`: `lenses` if farther content moves further to the left from one view to the next on the right,
       `cameras` if nearer content does.
     - `lens_pitch`: pixels from lens to lens in a raw lenslet picture.
+    - `is_jpeg`: whether it was read from a JPEG, part of whose rounding was undone.
     - `pixel_aspect`: width / height that a pixel of a view is shown with; only quilts have others than 1. Slices with
       unequal steps along y and x change it.
 
@@ -52,6 +53,7 @@ class LightField:
     depth_sense: DepthSense = "lenses"
     lens_pitch: float | None = None
     pixel_aspect: float = 1.0
+    is_jpeg: bool = False
 
     def __post_init__(self) -> None:
         views: Any = self.views

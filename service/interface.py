@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from os import PathLike
 
+    from ciir.models.light_field.fusion import Fusion
     from ciir.renderer.placement import Fit, Up
     from ciir.renderer.readers.layout import Arrangement, OrderCheck
     from ciir.renderer.readers.pictures import Pixels
@@ -238,6 +239,7 @@ def upscale(
     *,
     model: str = ...,
     scale: int = ...,
+    fusion: Fusion = ...,
     skip: bool = ...,
     sampling: Sampling = ...,
     progress: Progress | None = ...,
@@ -248,6 +250,7 @@ def upscale(
     *,
     model: str = ...,
     scale: int = ...,
+    fusion: Fusion = ...,
     skip: bool = ...,
     sampling: Sampling = ...,
     progress: Progress | None = ...,
@@ -257,6 +260,7 @@ def upscale(
     *,
     model: str = "auto",
     scale: int = 2,
+    fusion: Fusion = "auto",
     skip: bool = True,
     sampling: Sampling = "pinhole",
     progress: Progress | None = None,
@@ -264,10 +268,11 @@ def upscale(
     """Upscales every view of a light field, or one picture, `(H, W)` or `(H, W, C)`, uint8 or uint16.
 
     `model`: a name that `ciir models` lists; `auto` takes a light-field network for a grid of 3x3 views and more, else
-    the default single-picture network. `skip`: whether pixels with a known result are skipped, which changes no pixel.
-    `sampling`: `lenslet` for views that were rendered with it, so that means over the lenses stay means. For captured
-    light fields the sampling is detected, and so is whether they are free of noise. `progress(done, total)` counts
-    views.
+    the default single-picture network. `fusion`: which views of a light field become the mean of themselves and their
+    upscaled neighbours: `always`, `never`, or `auto` for those that look filtered. `skip`: whether pixels with a known
+    result are skipped, which changes no pixel. `sampling`: `lenslet` for views that were rendered with it, so that
+    means over the lenses stay means. For captured light fields the sampling is detected, and so is whether they are
+    free of noise. `progress(done, total)` counts views.
 
     Returns the same type, `scale` times as large along each side; with `model` `none` the size stays, whatever the
     scale.
@@ -276,7 +281,9 @@ def upscale(
     light_field = images if isinstance(images, LightField) else as_light_field(images)
     if light_field is not images and any(entry.name == model and entry.is_light_field for entry in list_entries()):
         raise UnsuitedModel(f"{model} takes the views of a light field, not one picture; give ciir.LightField(array)")
-    options = Options.convert({"views": "all", "model": model, "scale": scale, "skip": skip, "sampling": sampling})
+    options = Options.convert(
+        {"views": "all", "model": model, "scale": scale, "fusion": fusion, "skip": skip, "sampling": sampling}
+    )
     writer = MemoryWriter()
     report = run_reconstruction(light_field, options, writer, progress=progress)
     large: np.ndarray[Any, np.dtype[Any]] = np.stack(list(writer.views.values()))
@@ -292,7 +299,7 @@ def reconstruct(source: Given, *, progress: Progress | None = None, **options: A
     `source`: a file, a folder, a zip, `scene:NAME`, a light field, or the content of a file, as for `open`. `options`
     are those of `ciir reconstruct`:
     `lenses`, `pixels`: (rows, columns); `views`: `"center"`, `"cross"`, `"all"` or pairs (v, u); `model`, `strategy`,
-    `backend`, `sampling`, `pickup`, `arrangement`, `order`, `flip`, `depth_sense`, `fit`: names;
+    `backend`, `fusion`, `sampling`, `pickup`, `arrangement`, `order`, `flip`, `depth_sense`, `fit`: names;
     `crop`: (top, left, bottom, right); `scale`; `skip`, `transpose`: bools; `background`: RGB from 0 to 255; `pitch`,
     `delta`, `zoom`, `place`: numbers; `parallax`, `rotate`, `light`: degrees; `up`: `"y"` or `"z"`; `neighbour_time`:
     seconds; `time`: seconds, or several such as `(0, 0.5, 1)` or `"0:2:48"` for one view at each; `animation`,

@@ -133,17 +133,17 @@ def list_cases(name: str, views: Views, variations: Sequence[Variation]) -> Iter
             if one.degradation != kind:
                 continue
             part, true = (_take_middle(of, one.grid) for of in (low, high))
-            made, at = arrange_views(part, one.view, one.order)
-            made = corrupt_views(made, one, np.random.default_rng(number))
+            arranged, at = arrange_views(part, one.view, one.order)
+            made = corrupt_views(arranged, one, np.random.default_rng(number))
             yield Case(
                 input=name,
                 kind=LIGHT_FIELD,
                 factors=one.describe(),
-                views=made,
+                views=made.views.astype(np.uint8),
                 at=at,
                 truth=true[one.view],
                 border=SCALE,
-                source=LightField(made),
+                source=made,
                 options=Options(views=f"{at[0]},{at[1]}", scale=SCALE),
             )
 
@@ -168,17 +168,17 @@ def arrange_views(views: Views, view: View, order: Order) -> tuple[Views, View]:
     return (views.swapaxes(0, 1), (view[1], view[0])) if order == "transposed" else (views, view)
 
 
-def corrupt_views(views: Views, variation: Variation, random: np.random.Generator) -> Views:
+def corrupt_views(views: Views, variation: Variation, random: np.random.Generator) -> LightField:
     """Returns the views with the noise of `variation`, independent in each, and then compressed by its JPEG."""
     if variation.noise:
         noise = variation.noise * random.standard_normal(views.shape, np.float32)
         views = np.clip(np.rint(views + noise), 0, 255).astype(np.uint8)
     if variation.jpeg and variation.is_interleaved:
-        views = compress_array(views, variation.jpeg)
-    elif variation.jpeg:
+        return compress_array(views, variation.jpeg)
+    if variation.jpeg:
         flat = np.ascontiguousarray(views).reshape(-1, *views.shape[2:])
         views = np.stack([compress_jpeg(view, variation.jpeg) for view in flat]).reshape(views.shape)
-    return np.ascontiguousarray(views)
+    return LightField(np.ascontiguousarray(views))
 
 
 def read_light_field(name: str, source: Source, array: Options) -> Views:

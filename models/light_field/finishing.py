@@ -8,6 +8,7 @@ import numpy as np
 
 from ciir.models.back_projection import restore_luma
 from ciir.models.light_field.pixels import blend_pictures
+from ciir.models.light_field.planes import Range
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -40,6 +41,12 @@ class Finishing(NamedTuple):
     """Whether the view was filtered and is the mean of both networks."""
     is_restored: bool = False
     """Whether the view was brought closer to its input by back-projection."""
+    is_fused: bool = False
+    """Whether the view is a mean with the upscaled views around it (`models.light_field.fusion`)."""
+    sampling: Sampling | None = None
+    """How the view appears to have been sampled; None if that is unknown."""
+    disparities: Range = Range(0.0, 0.0)
+    """The range of its disparities, LR pixels from one view of its window to the next."""
 
 
 def finish_view(
@@ -50,6 +57,7 @@ def finish_view(
     upscale_alone: Callable[[], NDArray[np.uint16]],
     *,
     is_surrounded: bool,
+    disparities: Range,
 ) -> Finishing:
     """Changes `picture` `(scale*H, scale*W, C)`, 16 bits, in place. A light-field network made it from `small`
     `(H, W, C)`, 8 or 16 bits.
@@ -58,7 +66,7 @@ def finish_view(
     would make up more than `MINIMUM_FALLBACK_SHARE` of the view. If the view was downscaled with an antialiasing
     filter, it becomes a mean with the fallback's picture; if it has no noise, it is brought closer to its input
     (`models.back_projection.restore_luma`). `upscale_alone` makes the fallback's picture. `is_surrounded`: whether
-    there are two views on each side.
+    there are two views on each side. `disparities`: the range that was measured in the view, for the result.
     """
     weight = np.clip((uncertainty - CONFIDENT) / (UNCERTAIN - CONFIDENT), 0, 1)
     if np.mean(weight) <= MINIMUM_FALLBACK_SHARE:
@@ -72,4 +80,5 @@ def finish_view(
         blend_pictures(picture, upscale_alone(), weight)
     if sampling and sampling.gain:
         picture[...] = restore_luma(picture, small, sampling.kind, gain=sampling.gain, noise=sampling.noise)
-    return Finishing(share, is_filtered, sampling is not None and sampling.gain > 0)
+    is_restored = sampling is not None and sampling.gain > 0
+    return Finishing(share, is_filtered, is_restored, sampling=sampling, disparities=disparities)

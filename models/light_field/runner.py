@@ -17,6 +17,7 @@ from ciir.models.light_field.disparities.shifts import (
     shift_part,
 )
 from ciir.models.light_field.pixels import convert_to_planes, round_levels, write_planes
+from ciir.models.light_field.planes import Range
 from ciir.models.light_field.skipping import (
     TileDifferences,
     count_skipped,
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     from ciir.models.light_field.batches import Batch
     from ciir.models.light_field.disparities.shifts import Pixels, Plane
     from ciir.models.light_field.network import LightFieldNetwork
-    from ciir.models.light_field.planes import Range
     from ciir.models.light_field.windows import View
     from ciir.models.single.skipping import SkipStatistics
     from ciir.models.tiles import Tile
@@ -66,6 +66,11 @@ class Output(NamedTuple):
     """`(R, C)` each, from `measure_shifts`. They determine which run fills which part."""
     ranges: Sequence[Range]
     """The ranges of the disparities that remain after the shifts."""
+
+    def find_range(self, number: int) -> Range:
+        """Finds the range of a view's disparities, including its shifts."""
+        shifts, left = self.shifts[number], self.ranges[number]
+        return Range(int(shifts.min()) + left.lowest, int(shifts.max()) + left.highest)
 
 
 def run_network(job: Job, wanted: Sequence[View]) -> Output:

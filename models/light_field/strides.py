@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from ciir.models.light_field.finishing import Finishing
     from ciir.models.light_field.windows import View
 
+    UpscaleViews = Callable[[Mapping[View, Pixels], Sequence[View], tuple[int, int]], tuple[Pixels, list[Finishing]]]
+
 MOVED = 0.72
 """Most pixels that content may move by from one view of a window to the next; see docs/experiments.md."""
 MOST = 3
@@ -58,7 +60,7 @@ def list_spaced_views(wanted: Sequence[View], grid: tuple[int, int], stride: int
 
 
 def upscale_spaced_views(
-    upscale: Callable[[Mapping[View, Pixels], Sequence[View], tuple[int, int]], tuple[Pixels, list[Finishing]]],
+    upscale: UpscaleViews,
     views: Mapping[View, Pixels],
     wanted: Sequence[View],
     grid: tuple[int, int],

@@ -119,7 +119,16 @@ def _upscale_distinct(
         picture, small, uncertainty = output.pictures[number], job.views[view], output.uncertainty[number, ..., 0]
         alone = partial(_upscale_single, fallback, small, job.skip)
         surrounded = find_middle(view, job.grid) == view and min(job.grid) >= WINDOW_SIDE
-        made.append(finish_view(picture, small, uncertainty, samplings[number], alone, is_surrounded=surrounded))
+        finishing = finish_view(
+            picture,
+            small,
+            uncertainty,
+            samplings[number],
+            alone,
+            is_surrounded=surrounded,
+            disparities=output.find_range(number),
+        )
+        made.append(finishing)
     return output.pictures, made
 
 

@@ -193,7 +193,7 @@ def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         "--json", metavar="FILE", help="write the scores to this file; for a light field, also those of each view"
     )
     add_options(command, ("scale",), "upscale")
-    add_options(command, ("lenses", "pixels"))
+    add_options(command, ("lenses", "pixels", "fusion"))
 
     command = add_command("train", "train a network from a recipe", "training")
     command.add_argument(

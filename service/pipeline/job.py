@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from ciir.models.light_field.fusion import Fusion
     from ciir.renderer.placement import Placement
     from ciir.renderer.view_order.estimate import OrderEstimate
     from ciir.renderer.views import DepthSense, View
@@ -65,6 +66,8 @@ class Job:
     neighbour_time: float
     """Most seconds, as predicted, that `auto` spends on a light-field network for which neighbouring views are
     rendered."""
+    fusion: Fusion
+    """Which views of a light field are fused with the upscaled views around them."""
     skip: bool
     """Whether triangles and pixels that can't change the result are skipped."""
     frames: int = 1
@@ -103,12 +106,17 @@ class Job:
         """The same as `LightField.pixel_aspect`."""
         return self.content.pixel_aspect if isinstance(self.content, LightField) else 1.0
 
+    @property
+    def is_jpeg(self) -> bool:
+        """The same as `LightField.is_jpeg`."""
+        return isinstance(self.content, LightField) and self.content.is_jpeg
+
     @cached_property
     def is_transparent(self) -> bool:
         """Whether any pixel of any view that may be used is not opaque. A mesh's views are opaque."""
         if isinstance(self.content, ViewFiles):
             has_alpha = self.content.shape[4] in (2, 4)
-            return has_alpha and self.content.is_transparent(self.arrangement.list_required(self.wanted))
+            return has_alpha and self.content.is_transparent(self.arrangement.list_fused(self.wanted))
         return isinstance(self.content, LightField) and self.content.is_transparent()
 
     @cached_property
@@ -170,6 +178,7 @@ def resolve_job(name: str, content: Content, options: Options, *, max_views: int
         background=options.background,
         placement=options.placement,
         neighbour_time=options.neighbour_time,
+        fusion=options.fusion,
         skip=options.skip == "exact",
         max_pixels=max_pixels,
     )
@@ -208,7 +217,7 @@ def check_kind(name: str, content: Content, options: Options, *, is_upscaled: bo
     if isinstance(content, Scene):
         if options.pickup == "optical":
             raise InvalidOption(f"pickup: optical is for elemental image arrays and {name} is a mesh; leave it out")
-        for option in ("frame", "arrangement", "crop", "order", "flip", "transpose", "depth_sense"):
+        for option in ("frame", "arrangement", "crop", "order", "flip", "transpose", "depth_sense", "fusion"):
             if getattr(options, option) != getattr(Options, option):
                 raise InvalidOption(f"{option}: this is for pictures and {name} is a mesh; leave it out")
         return

@@ -30,10 +30,10 @@ from ciir.service.pipeline.stages.upscaling import (
     describe_model,
     describe_skipped,
     fallback_notes,
+    finishing_reasons,
     load_upscaler,
-    sampling_reasons,
 )
-from ciir.service.pipeline.stages.view_sources import open_source
+from ciir.service.pipeline.stages.view_sources import LightFieldViews, open_source
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -195,7 +195,8 @@ def _reconstruct(
     upscale: UpscaleViews | None = None
     if plan.model != NO_MODEL:
         with clock.stage("upscale"):  # the first call in a process reads the network
-            upscale = load_upscaler(plan, _arrange(job, plan), skip=job.skip, statistics=statistics)
+            fetch = views.fetch_views if isinstance(views, LightFieldViews) else None
+            upscale = load_upscaler(plan, _arrange(job, plan), fetch=fetch, skip=job.skip, statistics=statistics)
     writer.begin(_describe_contents(job, plan, views.sample))
     if progress is not None:
         progress(0, len(job.wanted))
@@ -235,7 +236,7 @@ def _reconstruct(
             "reasons": [
                 *plan.reasons,
                 *described["reasons"],
-                *sampling_reasons(plan.model, finished),
+                *finishing_reasons(plan, finished),
                 *skip_reasons(skipped),
             ],
             "skipped": skipped,

@@ -12,17 +12,20 @@ from tqdm import tqdm
 from ciir.errors import UnknownModel, UnsupportedScale
 from ciir.models import cards, catalogue
 from ciir.models.cards import Accuracy
+from ciir.models.light_field.fusion.views import FusingUpscaler, explain_no_fusion
 from ciir.models.light_field.network import LightFieldNetwork
-from ciir.models.light_field.strides import choose_stride, upscale_spaced_views
+from ciir.models.light_field.strides import choose_stride
 from ciir.models.light_field.views import upscale_views
 from ciir.models.light_field.windows import MINIMUM_GRID
 from ciir.models.single.network import SingleImageNetwork
 from ciir.models.single.pixels import upscale_pixels
+from ciir.renderer.light_field import LightField
 from ciir.renderer.view_order.motion import measure_motion
 from ciir.training.data.light_field.views import compress_array, degrade_views, read_views
 from ciir.training.evaluation.metrics import compute_psnr, compute_ssim, convert_to_luma
 
 if TYPE_CHECKING:
+    from ciir.models.light_field.fusion import Fusion
     from ciir.models.upscaler import Upscaler
     from ciir.renderer.readers.layout import Layout
     from ciir.renderer.views import View
@@ -59,6 +62,7 @@ def measure(
     degradation: str = "bicubic",
     layout: Layout | None = None,
     jpeg: int | None = None,
+    fusion: Fusion = "auto",
 ) -> Measured:
     """Measures Y-PSNR (dB) and SSIM of the middle `grid` = (V, U) views of a light field, and their means.
 
@@ -69,7 +73,8 @@ def measure(
     cut.
 
     `jpeg`: if given, the low-resolution views are those of an elemental image array in a JPEG of this quality
-    (`training.data.light_field.views.compress_array`).
+    (`training.data.light_field.views.compress_array`). `fusion`: which views a light-field network's are fused with
+    those around them (`models.light_field.fusion.views`).
 
     Raises `ValueError` if there is no full grid of views of one size, it is smaller than `grid`, or the views are
     too small to be scored or too few for a light-field network.
@@ -80,19 +85,29 @@ def measure(
             "those, or another model"
         )
     low, high = degrade_views(read_views(path, grid=grid, layout=layout, keeps_grey=True), degradation, network.scale)
-    if jpeg is not None:
-        low = compress_array(low, jpeg)
+    array = LightField(low) if jpeg is None else compress_array(low, jpeg)
     views = [(v, u) for v in range(grid[0]) for u in range(grid[1])]
-    given = dict(zip(views, low.reshape(-1, *low.shape[2:]), strict=True))
-    stride = choose_stride(measure_motion(low), grid)
+    given = {view: array.views[view] for view in views}
+    stride = choose_stride(measure_motion(array.views), grid)
     scores: dict[View, tuple[float, float]] = {}
+    if fusion == "auto" and explain_no_fusion(low[0, 0, ..., 0].size, stride):
+        fusion = "never"
+    if isinstance(network, LightFieldNetwork):
+        alone = catalogue.load_upscaler(catalogue.FALLBACK, scale=network.scale)
+        make = FusingUpscaler(
+            partial(upscale_views, network, alone, finds_sampling=True),
+            grid,
+            stride,
+            fusion=fusion,
+            is_jpeg=array.is_jpeg,
+            fetch=lambda absent: {view: given[view] for view in absent},
+            cores=1,
+        )
     for view in tqdm(views, desc=path.name, disable=None, unit="view", leave=False):
         if isinstance(network, LightFieldNetwork):
-            alone = catalogue.load_upscaler(catalogue.FALLBACK, scale=network.scale)
-            upscale = partial(upscale_views, network, alone, finds_sampling=True)
-            made, _ = upscale_spaced_views(upscale, given, [view], grid, stride)
+            made, _ = make(given, [view])
         else:
-            made = upscale_pixels(network, low[view][np.newaxis])
+            made = upscale_pixels(network, array.views[view][np.newaxis])
         got, truth = convert_to_luma(made[0].astype(np.uint8)), convert_to_luma(high[view])
         try:
             ssim = compute_ssim(got, truth, border=network.scale)

@@ -94,10 +94,12 @@ def read_pixels(picture: Pixels, *, name: str, layout: Layout, jpeg: bytes = b""
     if is_open:
         note = note or note_raw(picture, grid) or note_period(periods, grid, fits=seen is not None)
     notes: tuple[str, ...] = (note,) if note else ()
+    is_jpeg = False
     if jpeg and layout.restores_jpeg and not note:
         picture, notes = _restore(jpeg, picture, grid)
+        is_jpeg = bool(notes)
     light_field = LightField.from_eia(picture, rows=rows, cols=cols, pickup=layout.pickup or "virtual")
-    return replace(light_field, notes=notes)
+    return replace(light_field, notes=notes, is_jpeg=is_jpeg)
 
 
 def _restore(data: bytes, picture: Pixels, lens: Pair) -> tuple[Pixels, tuple[str, ...]]:

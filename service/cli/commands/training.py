@@ -14,14 +14,13 @@ from ciir.renderer.writers.atomic_write import place_for_file, replacing
 from ciir.renderer.writers.writer import report_json
 from ciir.service.cli import common, output_path
 from ciir.service.errors import join_lines
-from ciir.service.pipeline.options import read_pair
+from ciir.service.pipeline.options import Options, read_pair
 from ciir.service.pipeline.source import make_layout
 
 if TYPE_CHECKING:
     import argparse
 
     from ciir.models.cards import Accuracy
-    from ciir.service.pipeline.options import Options
 
 VIEWS, DEGRADATION = "5x5", "bicubic"
 """The defaults for evaluating a light field, from BasicLFSR's protocol."""
@@ -46,6 +45,7 @@ def _evaluate(args: argparse.Namespace) -> None:
         ("jpeg", args.jpeg),
         ("lenses", options.lenses),
         ("pixels", options.pixels),
+        ("fusion", None if options.fusion == Options.fusion else options.fusion),
     ):
         if given is not None:
             raise InvalidOption(f"--{name}: this goes with --light-field; leave it out")
@@ -93,6 +93,7 @@ def _evaluate_views(args: argparse.Namespace, options: Options) -> None:
                 degradation=degradation,
                 layout=make_layout(options),
                 jpeg=args.jpeg,
+                fusion=options.fusion,
             )
         except ValueError as error:
             raise InvalidOption(str(error)) from error

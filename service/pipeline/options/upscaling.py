@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from ciir.models.catalogue import DEFAULT, LIGHT_FIELD_DEFAULT
+from ciir.models.light_field.fusion import Fusion
 from ciir.service.pipeline.options import values
 from ciir.service.pipeline.options.option import Option
 from ciir.service.pipeline.options.values import make_integer, make_name, make_switch
@@ -45,6 +46,14 @@ UPSCALING = {
         make_name(get_args(Strategy)),
         "auto",
     ),
+    "fusion": Option(
+        "NAME",
+        "whether an upscaled view of a light field becomes the mean of itself and its upscaled neighbours, which is "
+        "closer to the truth and takes longer: always; never; or auto, for views that look filtered and those of an "
+        "array that is a JPEG (default auto)",
+        make_name(get_args(Fusion)),
+        "always",
+    ),
     "skip": Option(
         "NAME",
         "exact: skip triangles and pixels that can't change the result; none: compute everything (default exact)",
@@ -63,4 +72,5 @@ class UpscalingOptions:
     model: str = AUTO
     scale: int = 2
     strategy: Strategy = "upscale"
+    fusion: Fusion = "auto"
     skip: Skip = "exact"

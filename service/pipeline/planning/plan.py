@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import BackendUnavailable, UnsupportedScale
 from ciir.models import catalogue
+from ciir.models.light_field.fusion.views import explain_no_fusion
 from ciir.models.light_field.windows import WINDOW_SIDE
 from ciir.renderer import backends
 from ciir.renderer.sampling import LENSLET_SAMPLES
@@ -20,6 +21,7 @@ from ciir.service.pipeline.stages.moved_array import find_cell_side
 
 if TYPE_CHECKING:
     from ciir.models.catalogue import Entry
+    from ciir.models.light_field.fusion import Fusion
     from ciir.service.pipeline.job import Job
     from ciir.service.pipeline.limits import Strategy
 
@@ -46,6 +48,10 @@ class Plan:
     """Whether to find out if a light-field network's views are filtered or means (`models.light_field.sampling`)."""
     moves_array: bool = False
     """Whether a mesh's views are rendered through a lens array at several positions, in place of their neighbours."""
+    fusion: Fusion = "never"
+    """Which views are fused with the upscaled views around them (`models.light_field.fusion`)."""
+    is_jpeg: bool = False
+    """Whether the views are those of an elemental image array that is a JPEG."""
     notes: tuple[str, ...] = ()
     """Notes for the user on the selected model, and on options that change nothing."""
 
@@ -82,6 +88,12 @@ def make_plan(job: Job) -> Plan:
         why = "views with transparency" if is_network else "interpolation"
         reasons.append(f"sampling lenslet: changes nothing in {why}")
         notes.append(reasons[-1])
+    fusion = job.fusion if selected.is_light_field and job.mesh is None else "never"
+    if fusion == "auto" and (why := explain_no_fusion(job.lenses[0] * job.lenses[1], job.arrangement.stride)):
+        fusion = "never"
+        reasons.append(f"fusion auto: no view is fused, as {why}")
+    if job.fusion == "always" and fusion == "never":
+        notes.append(f"fusion: always changes nothing with {selected.model}, which upscales view by view")
     samples = WINDOW_SIDE * find_cell_side(job.samples) if selected.moves_array else job.samples
     return Plan(
         strategy,
@@ -93,6 +105,8 @@ def make_plan(job: Job) -> Plan:
         restores_means,
         selected.is_light_field and job.mesh is None and job.sampling != "lenslet",
         selected.moves_array,
+        fusion,
+        job.is_jpeg,
         tuple(notes),
     )
 

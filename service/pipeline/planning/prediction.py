@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.models import catalogue
+from ciir.models.light_field.fusion.views import list_block
 from ciir.models.light_field.windows import list_required_views
 from ciir.renderer import backends
 from ciir.renderer.framing import CLEARANCE, FILL
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 
 CUT_MS = 4e-5
 """Cost of each cell of a moved lens array, whose pictures are cut out of one rendering."""
+FUSION_MS = 1e-3
+"""Cost of each pixel of a view that is fused, besides the views around it."""
 UNSURE = 3.0
 """Within this factor of a bound, typical costs don't decide; this machine is measured instead."""
 
@@ -55,18 +58,23 @@ def predict_times(
 def predict_plan(job: Job, plan: Plan) -> float:
     """Predicts the milliseconds from the opened input to encoded views, for all frames together.
 
-    Nothing is measured for it: typical costs are used for anything not known about this machine.
+    Nothing is measured for it: typical costs are used for anything not known about this machine. Views that turn out to
+    look filtered, and are fused, are not foreseen.
     """
-    costs, wanted, pixels = cost.costs(measure=False), len(job.wanted), job.array.rows * job.array.cols
+    costs, wanted, pixels = cost.costs(measure=False), job.wanted, job.array.rows * job.array.cols
     stages: list[cost.Stage] = []
     if job.mesh is not None:
         side = plan.samples * (plan.scale if plan.strategy == "direct" else 1)
         rays = pixels * (job.samples if plan.moves_array else side) ** 2
-        rendered = count_rendered(job) if plan.is_light_field and not plan.moves_array else wanted
+        rendered = count_rendered(job) if plan.is_light_field and not plan.moves_array else len(wanted)
         stages.append(_predict_rendering(job, job.mesh, rays, rendered, costs, moves_array=plan.moves_array))
     if plan.model != NO_MODEL:
-        model = catalogue.get_entry(plan.model)
-        stages.append(_predict_upscaling(job, model, costs))
+        stage = _predict_upscaling(job, catalogue.get_entry(plan.model), costs)
+        if plan.fusion == "always" or (plan.fusion == "auto" and plan.is_jpeg):
+            upscaled = {other for view in wanted for other in list_block(view, job.grid)}
+            ms = stage.views * len(upscaled) / len(wanted) + len(wanted) * pixels * FUSION_MS
+            stage = stage._replace(views=ms)
+        stages.append(stage)
     return _total(job, stages, plan.scale) * job.frames
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ciir.models.light_field.fusion.views import list_fused_views
 from ciir.models.light_field.strides import list_spaced_views
 
 if TYPE_CHECKING:
@@ -33,12 +34,18 @@ class Arrangement:
 
     def list_required(self, wanted: Sequence[View]) -> list[View]:
         """Lists every view, as given, in the windows around `wanted`."""
+        return self.find_views(list_spaced_views([self.find_place(view) for view in wanted], self.grid, self.stride))
+
+    def list_fused(self, wanted: Sequence[View]) -> list[View]:
+        """Lists every view, as given, that may be needed if `wanted` are fused with the views around them."""
+        return self.find_views(list_fused_views([self.find_place(view) for view in wanted], self.grid, self.stride))
+
+    def find_views(self, places: Sequence[View]) -> list[View]:
+        """Returns the views, as they were given, at `places`."""
         if self.places is None:
-            return list_spaced_views(wanted, self.grid, self.stride)
+            return list(places)
         given = {place: view for view, place in self.places.items()}
-        return [
-            given[place] for place in list_spaced_views([self.places[view] for view in wanted], self.grid, self.stride)
-        ]
+        return [given[place] for place in places]
 
 
 def arrange_views(grid: tuple[int, int], order: OrderEstimate | None) -> Arrangement:

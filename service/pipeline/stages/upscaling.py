@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.bit_depth import count_unused_camera_bits, limit_levels
+from ciir.cores import count_available_cores
 from ciir.models import catalogue
 from ciir.models.back_projection import restore_means
 from ciir.models.light_field.finishing import MINIMUM_FALLBACK_SHARE
@@ -24,21 +25,29 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.planning.plan import Plan
     from ciir.service.pipeline.stages.arrangement import Arrangement
 
+FetchViews = Callable[[Sequence["View"]], Sequence["Pixels"]]
+"""Returns views `(H, W, C)` of a light field."""
 UpscaleViews = Callable[[Mapping["View", "Pixels"], Sequence["View"]], tuple["Pixels", list["Finishing"]]]
 """Takes views `(H, W, C)` by (v, u), and which of them are wanted. Returns the upscaled ones `(n, scale*H, scale*W,
 C)`, and how each was finished after a light-field network."""
 
 
 def load_upscaler(
-    plan: Plan, arrangement: Arrangement, *, skip: bool = True, statistics: SkipStatistics | None = None
+    plan: Plan,
+    arrangement: Arrangement,
+    *,
+    fetch: FetchViews | None = None,
+    skip: bool = True,
+    statistics: SkipStatistics | None = None,
 ) -> UpscaleViews:
     """Loads `plan.model` for views of a light field.
 
-    `skip`: whether pixels with a known result are skipped; they are counted in `statistics`. Colours stay within the
-    bits of each view's camera (`ciir.bit_depth`), which interpolation would exceed at edges. Raises the same errors as
+    `fetch`: returns the views that fusion needs besides those that the result is called with. `skip`: whether pixels
+    with a known result are skipped; they are counted in `statistics`. Colours stay within the bits of each view's
+    camera (`ciir.bit_depth`), which interpolation would exceed at edges. Raises the same errors as
     `models.catalogue.load_upscaler`.
     """
-    upscale = _load_model(plan, arrangement, skip, statistics)
+    upscale = _load_model(plan, arrangement, fetch, skip, statistics)
 
     def upscale_within_bits(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, list[Finishing]]:
         made, finished = upscale(views, wanted)
@@ -51,9 +60,11 @@ def load_upscaler(
     return upscale_within_bits
 
 
-def _load_model(plan: Plan, arrangement: Arrangement, skip: bool, statistics: SkipStatistics | None) -> UpscaleViews:
+def _load_model(
+    plan: Plan, arrangement: Arrangement, fetch: FetchViews | None, skip: bool, statistics: SkipStatistics | None
+) -> UpscaleViews:
     if plan.is_light_field:
-        from ciir.models.light_field.strides import upscale_spaced_views
+        from ciir.models.light_field.fusion.views import FusingUpscaler
         from ciir.models.light_field.views import upscale_views
 
         network = catalogue.load_light_field_network(plan.model, scale=plan.scale)
@@ -68,11 +79,26 @@ def _load_model(plan: Plan, arrangement: Arrangement, skip: bool, statistics: Sk
             disparities=moved_array.DISPARITIES if plan.moves_array else None,
         )
 
+        def fetch_places(places: Sequence[View]) -> Mapping[View, Pixels]:
+            assert fetch is not None  # noqa: S101 - views are fused only if there is a light field to fetch from
+            colours, _ = _split_alpha(dict(zip(places, fetch(arrangement.find_views(places)), strict=True)))
+            return colours
+
+        fusing = FusingUpscaler(
+            upscale,
+            arrangement.grid,
+            arrangement.stride,
+            fusion=plan.fusion,
+            is_jpeg=plan.is_jpeg,
+            fetch=fetch_places,
+            cores=count_available_cores(),
+        )
+
         def upscale_light_field(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, list[Finishing]]:
             colours, alpha = _split_alpha(views)
             given = {arrangement.find_place(view): picture for view, picture in colours.items()}
             places = [arrangement.find_place(view) for view in wanted]
-            made, finished = upscale_spaced_views(upscale, given, places, arrangement.grid, arrangement.stride)
+            made, finished = fusing(given, places)
             return np.concatenate([made, np.full_like(made[..., :1], alpha)], axis=3) if alpha else made, finished
 
         return upscale_light_field
@@ -131,15 +157,23 @@ def describe_skipped(statistics: SkipStatistics) -> dict[str, Any]:
     )
 
 
-def sampling_reasons(model: str, finished: Sequence[Finishing]) -> list[str]:
-    """Says how views were treated that look as if they were sampled in certain ways (`models.light_field.sampling`)."""
+def finishing_reasons(plan: Plan, finished: Sequence[Finishing]) -> list[str]:
+    """Says how views were treated that look as if they were sampled in certain ways (`models.light_field.sampling`),
+    and which ones were fused.
+    """
     reasons = []
     if any(view.is_averaged for view in finished):
         filtered = "views that look as if they were downscaled with an antialiasing filter"
-        both = f"the results of {model} and {fallback_name()}"
+        both = f"the results of {plan.model} and {fallback_name()}"
         reasons.append(f"{filtered} are means of {both}: other views add little there")
     if any(view.is_restored for view in finished):
         reasons.append("views without noise that look filtered or like means are brought closer to what was seen")
+    if fused := sum(view.is_fused for view in finished):
+        jpeg = "the array is a JPEG" if plan.is_jpeg else "they look filtered"
+        why = "fusion is always" if plan.fusion == "always" else jpeg
+        reasons.append(
+            f"fusion: {fused} of {len(finished)} views are means with the upscaled views around them, as {why}"
+        )
     return reasons
 
 

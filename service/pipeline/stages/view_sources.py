@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import islice
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -138,7 +139,7 @@ class LightFieldViews:
     samples = 0
 
     def __init__(self, light_field: LightField | ViewFiles, clock: Clock) -> None:
-        self._light_field, self._clock = light_field, clock
+        self._light_field, self._clock, self._taking = light_field, clock, Lock()
         self.sample: Pixels = np.zeros((1, 1, light_field.shape[4]), light_field.dtype)
 
     def open(self) -> None:
@@ -150,9 +151,12 @@ class LightFieldViews:
 
     def take_views(self, pictures: Iterator[Any], count: int) -> list[Pixels]:
         """Takes the next `count` views of `make_views`. Those of an elemental image array are copied out of it."""
-        views = list(islice(pictures, count))
+        return self.fetch_views(list(islice(pictures, count)))
+
+    def fetch_views(self, views: Sequence[View]) -> list[Pixels]:
+        """Returns these views like `take_views`. Thread-safe."""
         if isinstance(self._light_field, ViewFiles):
-            with self._clock.stage("decode"):
+            with self._clock.stage("decode"), self._taking:
                 return self._light_field.take(views)
         with self._clock.stage("map"):
             return [np.ascontiguousarray(self._light_field.views[v, u]) for v, u in views]

@@ -26,7 +26,7 @@ def test_parses_every_option():
     texts = {
         "lenses": "50x60", "pixels": "15X11", "views": " all ", "model": "bicubic", "scale": "3", "strategy": "direct",
         "backend": "raytrace", "sampling": "lenslet", "pickup": "optical", "background": "#ff8000", "pitch": "0.5",
-        "delta": "1e-2", "skip": "exact", "neighbour_time": "0.25", "order": "given", "flip": "uv",
+        "delta": "1e-2", "fusion": "always", "skip": "exact", "neighbour_time": "0.25", "order": "given", "flip": "uv",
         "transpose": "yes", "depth_sense": "lenses", "arrangement": "mosaic", "crop": "1, 2,3,4", "parallax": "30",
         "up": "z",
         "rotate": "30, -20,0.5", "zoom": "1.5", "place": "-0.5", "fit": "none", "light": "-90,45", "epi": "y=3,v=1",
@@ -43,7 +43,8 @@ def test_parses_every_option():
     assert Options.parse(texts) == Options(
         lenses=(50, 60), pixels=(15, 11), views="all", model="bicubic", scale=3, strategy="direct", backend="raytrace",
         sampling="lenslet", pickup="optical", background=(255, 128, 0), pitch=0.5, delta=0.01,
-        skip="exact", neighbour_time=0.25, order="given", flip="uv", transpose="yes", depth_sense="lenses",
+        fusion="always", skip="exact",
+        neighbour_time=0.25, order="given", flip="uv", transpose="yes", depth_sense="lenses",
         arrangement="mosaic", crop=(1, 2, 3, 4),
         parallax=30.0, up="z",
         rotate=(30.0, -20.0, 0.5), zoom=1.5, place=-0.5, fit="none", light=(-90.0, 45.0), epi="y=3,v=1",

@@ -80,11 +80,11 @@ def degrade_views(views: NDArray[np.uint8], kind: str, scale: int) -> Pair:
     return Pair(*(np.stack(part).reshape(*views.shape[:2], *part[0].shape) for part in zip(*made, strict=True)))
 
 
-def compress_array(views: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
+def compress_array(views: NDArray[np.uint8], quality: int) -> LightField:
     """Returns views `(V, U, H, W, C)`, grey or RGB, as they are upscaled when read from a JPEG of their elemental image
-    array with this `quality`, 1 to 100. Reading partly undoes the file's rounding.
+    array with this `quality`, 1 to 100: 8 bits. Reading partly undoes the file's rounding.
     """
     array = LightField(views).eia().astype(np.uint8)
     data = encode_jpeg(array if array.shape[2] == 3 else array[..., 0], quality)
     layout = Layout(pixels=(views.shape[0], views.shape[1]), arrangement="eia", restores_jpeg=True)
-    return eia.read(data, name="array", layout=layout, limits=DEFAULT_LIMITS).views.astype(np.uint8)
+    return eia.read(data, name="array", layout=layout, limits=DEFAULT_LIMITS)

@@ -104,7 +104,7 @@ def test_evaluate_a_light_field(tmp_path, capsys, monkeypatch):
     stand_in = SimpleNamespace(measure=measure, load_network=lambda *model: model, describe_protocol=str)
     monkeypatch.setitem(sys.modules, "ciir.training.evaluation.light_fields", stand_in)
     given = ["evaluate", "--light-field", str(tmp_path)]
-    protocol = {"grid": (5, 5), "degradation": "bicubic", "jpeg": None}
+    protocol = {"grid": (5, 5), "degradation": "bicubic", "jpeg": None, "fusion": "auto"}
     assert main(given) == 0
     assert "knights 5x5 (bicubic): PSNR 31.23 dB, SSIM 0.9500 on Y over 25 views" in capsys.readouterr().out
     assert main([*given, "--grid", "3x7", "--degradation", "point", "quality"]) == 0

@@ -1,0 +1,155 @@
+"""Upscales views, and fuses some of them with the upscaled views around them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ciir.bit_depth import count_unused_bits
+from ciir.models.back_projection import restore_luma
+from ciir.models.light_field.fusion.disparity import estimate_disparity
+from ciir.models.light_field.fusion.pixels import fuse_lumas
+from ciir.models.light_field.network import compute_luma
+from ciir.models.light_field.planes import Range
+from ciir.models.light_field.strides import list_spaced_views, upscale_spaced_views
+from ciir.models.parallel import run_each
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from ciir.models.light_field.disparities.shifts import Pixels, Plane
+    from ciir.models.light_field.finishing import Finishing
+    from ciir.models.light_field.fusion import Fusion
+    from ciir.models.light_field.strides import UpscaleViews
+    from ciir.models.light_field.windows import View
+
+BLOCK_SIDE = 3
+"""Views along each side of the block whose mean a fused view is."""
+JPEG_NOISE = 3.0
+"""Factor on the differences from the input that count as noise, so that little of a JPEG's errors comes back."""
+MOST_PIXELS = 2**18
+"""Largest views, in pixels, that `auto` fuses. A single one of 512x512 takes about two seconds more."""
+
+
+class _Made(NamedTuple):
+    """An upscaled view."""
+
+    picture: Pixels
+    finishing: Finishing
+
+
+def explain_no_fusion(pixels: int, stride: int) -> str:
+    """Says why `auto` fuses no views of `pixels` pixels whose windows have `stride`; empty if it may."""
+    if pixels > MOST_PIXELS:
+        return f"views of more than {MOST_PIXELS:,} pixels take long"
+    return "content moves little from view to view, so neighbours have much the same errors" if stride > 1 else ""
+
+
+def list_block(view: View, grid: tuple[int, int]) -> list[View]:
+    """Lists the 3x3 views around `view` in a grid of `grid` views, and `view` itself, row by row. At the border of the
+    grid the block is moved inwards.
+    """
+    firsts = (max(0, min(place - BLOCK_SIDE // 2, count - BLOCK_SIDE)) for place, count in zip(view, grid, strict=True))
+    rows, cols = (range(first, min(first + BLOCK_SIDE, count)) for first, count in zip(firsts, grid, strict=True))
+    return [(v, u) for v in rows for u in cols]
+
+
+def list_fused_views(wanted: Sequence[View], grid: tuple[int, int], stride: int) -> list[View]:
+    """Lists every view that `FusingUpscaler` may need for `wanted`, row by row and each once."""
+    blocks = sorted({other for view in wanted for other in list_block(view, grid)})
+    return list_spaced_views(blocks, grid, stride)
+
+
+class FusingUpscaler:
+    """Upscales views of a grid, and replaces some of them by the means of their blocks' upscaled views.
+
+    A view's result doesn't depend on which others are wanted. Upscaled views are kept as long as views of the same row
+    or later ones may need them, so that each is upscaled once if the views are wanted row by row.
+    """
+
+    def __init__(
+        self,
+        upscale: UpscaleViews,
+        grid: tuple[int, int],
+        stride: int,
+        *,
+        fusion: Fusion,
+        is_jpeg: bool,
+        fetch: Callable[[Sequence[View]], Mapping[View, Pixels]],
+        cores: int,
+    ) -> None:
+        """`upscale`, `grid`, `stride`: as for `upscale_spaced_views`. `is_jpeg`: whether the views are those of a JPEG
+        array. `fetch`: returns views that a call didn't give. `cores`: most views that are fused at once.
+        """
+        self._upscale, self._grid, self._stride = upscale, grid, stride
+        self._fusion, self._is_jpeg = fusion, is_jpeg
+        self._fetch, self._cores = fetch, cores
+        self._views: dict[View, Pixels] = {}
+        self._made: dict[View, _Made] = {}
+
+    def __call__(self, views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, list[Finishing]]:
+        """Upscales the views `wanted`, as `models.light_field.views.upscale_views` does."""
+        if self._fusion == "never":
+            return upscale_spaced_views(self._upscale, views, wanted, self._grid, self._stride)
+        self._views.update(views)
+        self._make(wanted)
+        finished = [self._made[view].finishing for view in wanted]
+        numbers = [number for number, finishing in enumerate(finished) if self._is_fused(finishing)]
+        self._make(sorted({other for number in numbers for other in list_block(wanted[number], self._grid)}))
+        result: Any = np.stack([self._made[view].picture for view in wanted])
+
+        def fuse(number: int) -> None:
+            self._fuse(wanted[number], result[number])
+            finished[number] = finished[number]._replace(is_fused=True)
+
+        run_each(fuse, numbers, min(self._cores, max(1, len(numbers))))
+        self._forget(max(view[0] for view in wanted))
+        return result, finished
+
+    def _is_fused(self, finishing: Finishing) -> bool:
+        return self._fusion == "always" or self._is_jpeg or finishing.is_averaged
+
+    def _make(self, wanted: Sequence[View]) -> None:
+        """Upscales those of `wanted` that are not kept."""
+        missing = [view for view in wanted if view not in self._made]
+        if not missing:
+            return
+        absent = [view for view in list_spaced_views(missing, self._grid, self._stride) if view not in self._views]
+        if absent:
+            self._views.update(self._fetch(absent))
+        pictures, finished = upscale_spaced_views(self._upscale, self._views, missing, self._grid, self._stride)
+        self._made.update(zip(missing, map(_Made, pictures, finished), strict=True))
+
+    def _fuse(self, view: View, picture: Pixels) -> None:
+        """Changes `picture`, the upscaled `view`, to the mean of its block. All channels change by as much as luma."""
+        finishing = self._made[view].finishing
+        others = {(v - view[0], u - view[1]): (v, u) for v, u in list_block(view, self._grid) if (v, u) != view}
+        unused = count_unused_bits(*(self._views[other] for other in (view, *others.values())))
+        peak = np.iinfo(picture.dtype).max >> unused
+        own = _find_luma(picture, peak)
+        disparity = estimate_disparity(
+            _find_luma(self._views[view], peak),
+            {offset: _find_luma(self._views[other], peak) for offset, other in others.items() if 0 in offset},
+            Range(*(limit / self._stride for limit in finishing.disparities)),
+        )
+        around = {offset: _find_luma(self._made[other].picture, peak) for offset, other in others.items()}
+        change = np.rint((fuse_lumas(own, around, disparity) - own) * np.float32(peak)).astype(np.int32)
+        for channel in np.moveaxis(picture, -1, 0):
+            channel[...] = np.clip(channel + change, 0, np.iinfo(picture.dtype).max)
+        sampling = finishing.sampling
+        if sampling and sampling.gain:
+            noise = sampling.noise * (JPEG_NOISE if self._is_jpeg else 1)
+            picture[...] = restore_luma(picture, self._views[view], sampling.kind, gain=sampling.gain, noise=noise)
+
+    def _forget(self, row: int) -> None:
+        """Forgets views that none of `row` and the rows below it needs."""
+        first = max(0, min(row - BLOCK_SIDE // 2, self._grid[0] - BLOCK_SIDE))
+        oldest = list_spaced_views([(first, 0)], self._grid, self._stride)[0][0]
+        self._made = {view: made for view, made in self._made.items() if view[0] >= first}
+        self._views = {view: picture for view, picture in self._views.items() if view[0] >= oldest}
+
+
+def _find_luma(picture: Pixels, peak: int) -> Plane:
+    luma = compute_luma(picture, peak)
+    return np.minimum(luma, 1, out=luma)

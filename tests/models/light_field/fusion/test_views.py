@@ -1,0 +1,184 @@
+from functools import partial
+
+import numpy as np
+import pytest
+
+from ciir.models.light_field.finishing import Finishing
+from ciir.models.light_field.fusion.views import (
+    MOST_PIXELS,
+    FusingUpscaler,
+    explain_no_fusion,
+    list_block,
+    list_fused_views,
+)
+from ciir.models.light_field.planes import Range
+from ciir.models.light_field.sampling import Sampling
+from ciir.models.light_field.strides import list_spaced_views
+
+GRID = (6, 5)
+
+
+class Upscaling:
+    """A stand-in for `upscale_views`: repeats pixels, adds noise of the view's own, and counts the views."""
+
+    def __init__(self, finishing=None, noise=3):
+        self.made = []
+        self.finishing, self.noise = finishing or Finishing(), noise
+
+    def __call__(self, views, wanted, grid):
+        self.made += wanted
+        large = []
+        for view in wanted:
+            picture = views[view].repeat(2, axis=0).repeat(2, axis=1)
+            noise = np.random.default_rng(view).integers(-self.noise, self.noise + 1, (*picture.shape[:2], 1))
+            large.append((picture.astype(int) + noise).clip(0, np.iinfo(picture.dtype).max).astype(picture.dtype))
+        return np.stack(large), [self.finishing._replace(disparities=Range(-0.5, 0.5)) for _ in wanted]
+
+
+def make_views(grid=GRID, dtype=np.uint8, channels=3, level=200):
+    picture = np.random.default_rng(0).integers(20, level, (16, 18, channels)).astype(dtype)
+    return {(v, u): picture for v in range(grid[0]) for u in range(grid[1])}
+
+
+def make_upscaler(upscale, views, grid=GRID, stride=1, *, fusion="always", is_jpeg=False, cores=1):
+    return FusingUpscaler(
+        upscale,
+        grid,
+        stride,
+        fusion=fusion,
+        is_jpeg=is_jpeg,
+        fetch=lambda some: {view: views[view] for view in some},
+        cores=cores,
+    )
+
+
+@pytest.mark.parametrize(
+    ("view", "grid", "rows", "cols"),
+    [
+        ((2, 3), (6, 7), (1, 2, 3), (2, 3, 4)),
+        ((0, 0), (6, 7), (0, 1, 2), (0, 1, 2)),
+        ((5, 3), (6, 7), (3, 4, 5), (2, 3, 4)),
+        ((0, 0), (2, 1), (0, 1), (0,)),
+    ],
+)
+def test_a_block_is_moved_inwards_at_the_border(view, grid, rows, cols):
+    assert list_block(view, grid) == [(v, u) for v in rows for u in cols]
+
+
+@pytest.mark.parametrize("cores", [1, 2])
+def test_each_view_is_upscaled_once_and_no_result_depends_on_the_others(cores):
+    views, upscale = make_views(), Upscaling()
+    fusing = make_upscaler(upscale, views, cores=cores)
+    every = list(views)
+    made = {}
+    for first in range(0, len(every), 4):
+        wanted = every[first : first + 4]
+        given = {view: views[view] for view in list_spaced_views(wanted, GRID, 1)}
+        pictures, finished = fusing(given, wanted)
+        assert all(finishing.is_fused for finishing in finished)
+        made.update(zip(wanted, pictures, strict=True))
+    assert sorted(upscale.made) == every
+    for view in ((0, 0), (3, 2), (5, 4), (1, 0)):
+        alone = Upscaling()
+        (picture,), _ = make_upscaler(alone, views)({}, [view])
+        assert np.array_equal(picture, made[view])
+        assert sorted(alone.made) == list_block(view, GRID)
+
+
+def test_views_may_be_wanted_in_any_order():
+    views = make_views()
+    made, _ = make_upscaler(Upscaling(), views)({}, [(4, 4), (0, 1)])
+    fusing = make_upscaler(Upscaling(), views)
+    for number, view in enumerate([(4, 4), (0, 1)]):
+        assert np.array_equal(fusing({}, [view])[0][0], made[number])
+
+
+def test_little_is_kept():
+    views = make_views((30, 5))
+    fusing = make_upscaler(Upscaling(), views, (30, 5))
+    for row in range(30):
+        fusing({}, [(row, u) for u in range(5)])
+        assert len(fusing._made) <= 4 * 5
+        assert len(fusing._views) <= 8 * 5
+
+
+def test_the_mean_has_less_noise():
+    views = make_views()
+    own = views[0, 0].repeat(2, axis=0).repeat(2, axis=1).astype(int)
+    (single,), _ = Upscaling()(views, [(2, 2)], GRID)
+    (fused,), _ = make_upscaler(Upscaling(), views)({}, [(2, 2)])
+    assert np.std(fused.astype(int) - own) < 0.75 * np.std(single.astype(int) - own)
+
+
+def test_the_rule_of_auto():
+    views = make_views()
+    for finishing, is_jpeg, is_fused in (
+        (Finishing(), False, False),
+        (Finishing(is_restored=True), False, False),
+        (Finishing(is_averaged=True), False, True),
+        (Finishing(), True, True),
+    ):
+        for fusion, expected in (("auto", is_fused), ("always", True), ("never", False)):
+            upscale = Upscaling(finishing)
+            fusing = make_upscaler(upscale, views, fusion=fusion, is_jpeg=is_jpeg)
+            (picture,), (got,) = fusing(views, [(2, 2)])
+            assert got.is_fused == expected
+            assert len(upscale.made) == (9 if expected else 1)
+            plain = Upscaling(finishing)(views, [(2, 2)], GRID)[0][0]
+            assert np.array_equal(picture, plain) != expected
+
+
+def test_what_keeps_auto_from_fusing():
+    assert explain_no_fusion(MOST_PIXELS, 1) == ""
+    assert "pixels take long" in explain_no_fusion(MOST_PIXELS + 1, 1)
+    assert "moves little" in explain_no_fusion(100, 2)
+
+
+def test_grey_stays_grey_and_the_camera_has_few_bits():
+    for dtype, level in ((np.uint8, 200), (np.uint16, 1000)):  # a camera of 10 bits, whose levels look nearly black
+        views = make_views(dtype=dtype, channels=1, level=level)
+        coloured = {view: picture.repeat(3, axis=2) for view, picture in views.items()}
+        noise = 3 * level // 200
+        (grey,), _ = make_upscaler(Upscaling(noise=noise), views)({}, [(2, 2)])
+        (fused,), _ = make_upscaler(Upscaling(noise=noise), coloured)({}, [(2, 2)])
+        assert np.ptp(fused.astype(int), axis=2).max() == 0
+        np.testing.assert_allclose(fused[..., :1].astype(int), grey.astype(int), atol=1)  # sums in another order
+        (single,), _ = Upscaling(noise=noise)(views, [(2, 2)], GRID)
+        own = views[0, 0].repeat(2, axis=0).repeat(2, axis=1).astype(int)
+        ratio = np.std(grey.astype(int) - own) / np.std(single.astype(int) - own)
+        assert 0.3 < ratio < 0.75  # as with 8 bits: were 10 bits taken for 16, nothing would seem to differ
+
+
+def test_restored_views_are_closer_to_what_was_seen_than_fused_ones():
+    views = make_views()
+    sampling = Sampling("means", 1.0, 1.0, 0.0)
+
+    def measure(finishing, *, is_jpeg=False):
+        fusing = make_upscaler(Upscaling(finishing, noise=12), views, is_jpeg=is_jpeg)
+        (picture,), _ = fusing({}, [(2, 2)])
+        means = picture.reshape(16, 2, 18, 2, 3).mean(axis=(1, 3))
+        return np.abs(means.mean(axis=2) - views[2, 2].mean(axis=2)).mean()
+
+    assert measure(Finishing(sampling=sampling)) < 0.5 * measure(Finishing())
+    noisy = sampling._replace(noise=1 / 255)
+    assert measure(Finishing(sampling=noisy)) < measure(Finishing(sampling=noisy), is_jpeg=True)
+
+
+def test_fused_views_need_the_windows_of_their_blocks():
+    needed = list_fused_views([(0, 0)], (9, 9), 1)
+    assert needed == [(v, u) for v in range(5) for u in range(5)]
+    assert set(list_fused_views([(4, 4)], (9, 9), 1)) == {(v, u) for v in range(1, 8) for u in range(1, 8)}
+
+
+def test_missing_views_are_fetched_once():
+    views, fetched = make_views(), []
+
+    def fetch(some):
+        fetched.extend(some)
+        return {view: views[view] for view in some}
+
+    upscale = Upscaling()
+    fusing = FusingUpscaler(upscale, GRID, 1, fusion="always", is_jpeg=False, fetch=fetch, cores=1)
+    partial(fusing, {})([(3, 2)])
+    fusing({}, [(3, 3)])
+    assert len(fetched) == len(set(fetched))
