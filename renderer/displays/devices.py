@@ -6,6 +6,7 @@ display in landscape reports 8x6 views in 7680x4320 pixels and a cone of 50 degr
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from ciir.errors import InvalidOption
@@ -64,6 +65,8 @@ class Quilt:
     """Degrees between the outermost cameras."""
     keeps_aspect: bool = False
     """Whether a light field's views keep their own aspect, whatever the layout's is."""
+    is_default: bool = False
+    """Whether neither an option nor a name selected it."""
     notes: tuple[str, ...] = ()
 
 
@@ -77,9 +80,12 @@ def resolve_quilt(
     """Returns the quilt of `device`, with `grid` (columns, rows) and `aspect` in place of the device's.
 
     `named`: the layout in the output's name, which stands in for a device. If none of them is given, it is the quilt of
-    `DEFAULT`. Without a device or an aspect, a light field's views keep their own aspect. Raises `InvalidOption` for an
-    unknown device, for a number out of range, and if `named` contradicts the others.
+    `DEFAULT`, which `match_views` may replace. Without a device or an aspect, a light field's views keep their own
+    aspect. Raises `InvalidOption` for an unknown device, for a number out of range, and if `named` contradicts the
+    others.
     """
+    if device is None and named is None and grid is None and aspect is None:
+        return _make_default(DEFAULT)
     shown = _find_by_name(named) if device is None else find_device(device)
     layout = shown.layout if device is not None or named is None else named.complete(shown.layout.aspect)
     if grid is not None:
@@ -92,9 +98,7 @@ def resolve_quilt(
             f"the output's name says {named.suffix[1:]} and the options say {layout.suffix[1:]}; change one of them"
         )
     notes: tuple[str, ...] = ()
-    if device is None and named is None and grid is None and aspect is None:
-        notes = (f"quilt: made for the device {DEFAULT}; the option device selects another: {', '.join(DEVICES)}",)
-    elif named is not None and keeps_aspect:
+    if named is not None and keeps_aspect:
         notes = (f"quilt: its name has no aspect; views of a mesh get {layout.aspect:.4g}, others keep their own",)
     return Quilt(
         layout,
@@ -103,6 +107,26 @@ def resolve_quilt(
         keeps_aspect=keeps_aspect,
         notes=notes,
     )
+
+
+def match_views(quilt: Quilt, count: int, aspect: float) -> Quilt:
+    """Returns the quilt for a light field with `count` views in a row, whose width / height is `aspect`.
+
+    It is `quilt`, or if that is the default and some devices show `count` views, the quilt of the one of them whose
+    aspect is nearest: a quilt that is read keeps its columns and rows.
+    """
+    names = [name for name, device in DEVICES.items() if device.layout.count == count]
+    if not quilt.is_default or not names:
+        return quilt
+    nearest = min(names, key=lambda name: abs(math.log(DEVICES[name].layout.aspect / aspect)))
+    return _make_default(nearest, f", which shows {count} views, as many as a row of the light field has")
+
+
+def _make_default(name: str, reason: str = "") -> Quilt:
+    """Returns the quilt of the device `name`, which no option selects, with a note that gives the `reason`."""
+    device = DEVICES[name]
+    note = f"quilt: made for the device {name}{reason}; the option device selects another: {', '.join(DEVICES)}"
+    return Quilt(device.layout, device.tile, device.cone, keeps_aspect=True, is_default=True, notes=(note,))
 
 
 def _find_by_name(named: QuiltName | None) -> Device:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
+from ciir.renderer.displays.devices import Quilt, match_views
 from ciir.renderer.displays.integral import IntegralDisplay
 from ciir.renderer.displays.pictures import find_size, find_target, show_light_field
 from ciir.renderer.displays.quilt import parse_name
@@ -25,6 +26,9 @@ class QuiltWriter(WholeWriter):
     def check(self, contents: Contents) -> None:
         """Refuses a display that is not described, and pixels that the picture format can't hold."""
         self._target = find_target(self.name, self.options)
+        if isinstance(self._target, Quilt):
+            own_aspect = contents.width / contents.height * contents.pixel_aspect
+            self._target = match_views(self._target, contents.grid[1], own_aspect)
         suffix = self.options.suffix or SUFFIXES[0]
         BY_SUFFIX[suffix].check(find_size(self._target, (contents.height, contents.width)), contents.dtype)
         encode(contents.sample, suffix)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ciir.errors import InvalidOption
 from ciir.renderer.displays.depth_budget import measure_integral, measure_lenticular, measure_quilt
-from ciir.renderer.displays.devices import Quilt
+from ciir.renderer.displays.devices import Quilt, match_views
 from ciir.renderer.displays.integral import IntegralDisplay
 from ciir.renderer.displays.lenticular import Calibration
 from ciir.renderer.displays.light_fields import find_row
@@ -88,6 +88,8 @@ def make_picture(
             matrix = frame_scene(opened, _find_array(target), options.placement)
             picture = _render(opened.transform(matrix), options, target, progress)
     else:
+        if isinstance(target, Quilt):
+            target = match_views(target, opened.shape[1], _find_aspect(opened))
         scale = 1 if options.model == NO_MODEL else options.scale
         size = opened.shape[2] * scale, opened.shape[3] * scale
         BY_SUFFIX[suffix].check(find_size(target, size, most), opened.dtype)
@@ -115,6 +117,11 @@ def make_picture(
         "versions": made["versions"],
     }
     return picture, report
+
+
+def _find_aspect(views: LightField | ViewFiles) -> float:
+    """Returns the width / height that views are shown with."""
+    return views.shape[3] / views.shape[2] * (views.pixel_aspect if isinstance(views, LightField) else 1.0)
 
 
 def _find_row(views: LightField | ViewFiles, target: Target) -> int | None:
@@ -190,7 +197,9 @@ def _render(scene: Scene, options: Options, target: Target, progress: Progress) 
 def _describe(kind: Kind, target: Target) -> Report:
     """Returns the report's `display`."""
     numbers: dict[str, Any] = {
-        key: None if value == math.inf else value for key, value in asdict(target).items() if key != "notes"
+        key: None if value == math.inf else value
+        for key, value in asdict(target).items()
+        if key not in ("notes", "is_default")
     }
     if kind == "quilt":
         del numbers["layout"]["is_inverted"]  # written quilts never are

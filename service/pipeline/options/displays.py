@@ -35,7 +35,8 @@ TEXT_FILE = ValueType({"type": "string", "maxLength": MOST_TEXT}, _read_file, by
 DISPLAYS = {
     "device": Option(
         "NAME",
-        f"quilt: the Looking Glass display that it is for: {', '.join(DEVICES)} (default {DEFAULT})",
+        f"quilt: the Looking Glass display that it is for: {', '.join(DEVICES)} (default: one that shows as many views "
+        f"as a row of the light field has, otherwise {DEFAULT})",
         LABEL,
         "go",
     ),

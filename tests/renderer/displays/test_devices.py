@@ -1,7 +1,7 @@
 import pytest
 
 from ciir.errors import InvalidOption
-from ciir.renderer.displays.devices import DEVICES, resolve_quilt
+from ciir.renderer.displays.devices import DEVICES, match_views, resolve_quilt
 from ciir.renderer.displays.quilt import QuiltLayout, QuiltName
 
 PORTRAIT, GO = DEVICES["portrait"], DEVICES["go"]
@@ -14,6 +14,34 @@ def test_without_anything_it_is_the_default_devices_with_a_note():
     assert found.notes[0].startswith(
         "quilt: made for the device portrait; the option device selects another: portrait, go,"
     )
+
+
+@pytest.mark.parametrize(
+    ("count", "aspect", "name"),
+    [
+        (66, 9 / 16, "go"),
+        (66, 2.0, "go"),  # all devices of 66 views have the same layout
+        (48, 0.75, "portrait"),
+        (48, 1.6, "16-landscape"),
+        (45, 1.0, "8.9"),
+        (5, 1.33, "portrait"),  # no device has 5 views
+    ],
+)
+def test_the_default_is_a_device_with_as_many_views_as_the_light_field_and_the_nearest_aspect(count, aspect, name):
+    found = match_views(resolve_quilt(), count, aspect)
+    device = DEVICES[name]
+    assert (found.layout, found.tile, found.cone) == (device.layout, device.tile, device.cone)
+    assert found.keeps_aspect
+    reason = "" if count == 5 else f", which shows {count} views, as many as a row of the light field has"
+    assert found.notes[0].startswith(f"quilt: made for the device {name}{reason}; the option device selects another:")
+
+
+@pytest.mark.parametrize(
+    "given", [{"device": "portrait"}, {"named": QuiltName(8, 6)}, {"grid": (8, 6)}, {"aspect": 0.75}]
+)
+def test_what_is_given_wins_over_the_number_of_views(given):
+    quilt = resolve_quilt(**given)
+    assert match_views(quilt, 66, 9 / 16) == quilt
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,7 @@ def test_the_middle_row_becomes_a_quilt(tmp_path, suffix):
     notes = FIELD.save(tmp_path / f"a{suffix}", "quilt")
     quilt = read(tmp_path / f"a{suffix}")
     assert np.array_equal(split_quilt(quilt, QuiltLayout(8, 6, 1.0), name="a"), FIELD.views[1])
-    assert notes[0].startswith("quilt: made for the device portrait; the option device selects another: portrait, go,")
+    assert notes[0].startswith("quilt: made for the device portrait, which shows 48 views, as many as a row of")
     assert notes[1:] == (
         "views keep their aspect 1, not the device's 0.75; name the device for black borders that fill it",
         f"quilt: name it a_qs8x6a1{suffix}; displays read columns, rows and aspect there",
@@ -60,6 +60,16 @@ def test_a_quilt_is_saved_as_it_was_read(tmp_path):
     assert np.array_equal(read(tmp_path / "c.png"), np.asarray(quilt))
     assert "name it c_qs8x6a1.77778.png" in notes[-1]
     assert json.loads((tmp_path / "c.png.json").read_text())["aspect"] == 1.77778
+
+
+@pytest.mark.parametrize("name", ["a_qs11x6a0.5625.png", "a_qs5x9a1.6.png", "a_qs8x9a1.77778.png"])
+def test_a_devices_quilt_keeps_its_columns_and_rows(tmp_path, name):
+    count = int(name[4:].split("x")[0]) * int(name.split("x")[1].split("a")[0])
+    views = make_views((1, count), disparities=(0, 0), side=16, channels=3)
+    LightField(views, depth_sense="cameras").save(tmp_path / name)
+    notes = ciir.open(tmp_path / name).save(tmp_path / "b.png", "quilt")
+    assert np.array_equal(read(tmp_path / "b.png"), read(tmp_path / name))
+    assert f"name it {name.replace('a_', 'b_')}" in notes[-1]
 
 
 def test_for_a_device_views_get_its_aspect(tmp_path):

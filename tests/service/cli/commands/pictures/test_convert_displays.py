@@ -98,6 +98,26 @@ def test_a_light_field_becomes_a_quilt_of_its_own_views(folder, capsys):
     assert "keep their aspect" not in capsys.readouterr().err
 
 
+def test_without_a_device_a_quilt_stays_one_for_its_device(folder, capsys):
+    row = make_views((1, 66), disparities=(0, 0), side=16, channels=3)
+    LightField(row, depth_sense="cameras").save("go_qs11x6a0.5625.png")
+    assert convert("go_qs11x6a0.5625.png -o same.png --to quilt --report r.json") == 0
+    assert np.array_equal(read(folder / "same_qs11x6a0.5625.png"), read(folder / "go_qs11x6a0.5625.png"))
+    assert "quilt: made for the device go, which shows 66 views" in capsys.readouterr().err
+    assert json.loads((folder / "r.json").read_text())["display"] == {
+        "kind": "quilt",
+        "layout": {"cols": 11, "rows": 6, "aspect": 0.5625},
+        "tile": [682, 372],
+        "cone": 40.0,
+        "keeps_aspect": True,
+    }
+    assert convert("go_qs11x6a0.5625.png -o large.png --to quilt --model bicubic --scale 2 --order given") == 0
+    assert read(folder / "large_qs11x6a0.5625.png").shape[0] == 2 * read(folder / "go_qs11x6a0.5625.png").shape[0]
+    LightField(row, depth_sense="cameras").save("views")
+    assert convert("views -o views.png --to quilt --pixels 1x66 --order given") == 0
+    assert (folder / "views_qs11x6a1.png").is_file()
+
+
 @pytest.mark.parametrize("words", ["--pixels 3x2", "--lenses 24x24"])
 def test_numbers_of_lenses_are_refused_for_a_quilt(folder, capsys, words):
     assert convert("in.npz -o q_qs3x2a1.png") == 0
