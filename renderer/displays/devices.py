@@ -122,6 +122,21 @@ def match_views(quilt: Quilt, count: int, aspect: float) -> Quilt:
     return _make_default(nearest, f", which shows {count} views, as many as a row of the light field has")
 
 
+def find_aspect(grid: tuple[int, int], tile: tuple[int, int]) -> float | None:
+    """Returns the aspect of the views in a device's quilt of `grid` views (rows, columns) of `tile` pixels, or None if
+    no device has such quilts.
+    """
+    for device in DEVICES.values():
+        if (device.layout.rows, device.layout.cols) == grid and device.tile == tile:
+            return device.layout.aspect
+    return None
+
+
+def find_layout(size: tuple[int, int]) -> QuiltLayout | None:
+    """Returns the layout of the first device whose quilts have `size` (height, width), or None."""
+    return next((device.layout for device in DEVICES.values() if (device.height, device.width) == size), None)
+
+
 def _make_default(name: str, reason: str = "") -> Quilt:
     """Returns the quilt of the device `name`, which no option selects, with a note that gives the `reason`."""
     device = DEVICES[name]

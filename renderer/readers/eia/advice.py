@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ciir.renderer.displays.devices import find_aspect, find_layout
 from ciir.renderer.displays.quilt import MAX_ASPECT, MAX_TILES, QuiltLayout
 from ciir.renderer.readers.eia.period import is_about, is_near
 
@@ -29,19 +30,19 @@ def describe_missing(periods: Periods, picture: Pixels, arrangement: Arrangement
         return mosaic
     if mosaic:
         view = periods.rank_sizes()[0]
-        grid = periods.size[0] // view[0], periods.size[1] // view[1]
-        own = "{}x{}".format(*view)
-        return (
-            f"{mosaic}; if it is an elemental image array, give arrangement eia and pixels {own}"
-            f"{advise_quilt(view, grid)}"
-        )
+        quilt = advise_quilt(view, (periods.size[0] // view[0], periods.size[1] // view[1]))
+        seen = _describe_mosaic(periods, f"{quilt}; otherwise " if quilt else "")
+        return f"{seen}; if it is an elemental image array, give arrangement eia and pixels {view[0]}x{view[1]}"
     if arrangement == "mosaic":
         seen = _describe_period(periods, arrangement)
         return f"a mosaic is read by its rows and columns of views; give them, as in pixels 9x9{seen}"
     wanted = "give the number of lenses, as in lenses 50x50 (rows x columns), or of pixels of each, as in pixels 15x15"
     found = _describe_lenses(periods, picture, USUAL_PIXELS, wanted)
     plain = f"; {PLAIN}" if found == wanted else ""
-    return f"a picture is read as an elemental image array; {found}{'' if RAW in found else f'; {RAW}'}{plain}"
+    layout = find_layout(periods.size) if arrangement == "auto" else None
+    quilt = _name_quilt(layout) if layout else ""
+    start = f"{quilt}; any other" if quilt and quilt not in found else "a"
+    return f"{start} picture is read as an elemental image array; {found}{'' if RAW in found else f'; {RAW}'}{plain}"
 
 
 def describe_fitting(periods: Periods, picture: Pixels, layout: Layout, given: Pair) -> str:
@@ -130,7 +131,7 @@ def note_other_views(periods: Periods, view: Pair, grid: Pair) -> str:
 
 def advise_quilt(view: Pair, grid: Pair) -> str:
     """Returns advice on the name that a quilt of `grid` views of `view` pixels needs: without it a quilt is read as a
-    mosaic.
+    mosaic. The aspect in the name is that of a device with such quilts, or else that of square pixels.
 
     The text is empty if no quilt is like that: views with no more pixels than there are views are elemental images of
     many lenses.
@@ -138,7 +139,11 @@ def advise_quilt(view: Pair, grid: Pair) -> str:
     aspect = view[1] / view[0]
     if min(view) <= max(grid) or max(grid) > MAX_TILES or not 1 / MAX_ASPECT <= aspect <= MAX_ASPECT:
         return ""
-    return f"; a quilt is recognised by its name, here NAME{QuiltLayout(grid[1], grid[0], aspect).suffix}.png"
+    return _name_quilt(QuiltLayout(grid[1], grid[0], find_aspect(grid, view) or aspect))
+
+
+def _name_quilt(layout: QuiltLayout) -> str:
+    return f"if it is a quilt, name it NAME{layout.suffix}.png, or put its NAME.png.json next to it"
 
 
 def _describe_period(periods: Periods, arrangement: Arrangement) -> str:
@@ -165,15 +170,16 @@ def _describe_period(periods: Periods, arrangement: Arrangement) -> str:
     if divides:
         views = "{}x{}".format(*counts)
         advice += f", the size of an elemental image (pixels {own}) or of a view of a mosaic (pixels {views})"
-        return advice + advise_quilt(found, (counts[0], counts[1]))
+        quilt = advise_quilt(found, (counts[0], counts[1]))
+        return f"{advice}; {quilt}" if quilt else advice
     if fitting:
         advice += f", which doesn't divide it as elemental images would (pixels {own})"
     return f"{advice}; {RAW}"
 
 
-def _describe_mosaic(periods: Periods) -> str:
-    """Describes the period of a picture that certainly is a mosaic, and the option that reads it; empty for any other
-    picture.
+def _describe_mosaic(periods: Periods, first: str = "") -> str:
+    """Describes the period of a picture that certainly is a mosaic, and after the advice `first` the option that reads
+    it; empty for any other picture.
     """
     view = next(iter(periods.rank_sizes()), None)
     if view is None or not periods.is_mosaic(view):
@@ -181,7 +187,7 @@ def _describe_mosaic(periods: Periods) -> str:
     counts = _divide(periods.size, view)
     return (
         f"the picture repeats every {view[0]}x{view[1]} pixels, as a mosaic of {counts} views (rows x columns) does; "
-        f"give pixels {counts}"
+        f"{first}give pixels {counts}"
     )
 
 

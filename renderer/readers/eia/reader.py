@@ -141,10 +141,11 @@ def _read_mosaic(mosaic: Pixels, grid: Pair, periods: Periods, *, is_sure: bool)
     height, width, channels = mosaic.shape
     view = height // grid[0], width // grid[1]
     tiles = mosaic.reshape(grid[0], view[0], grid[1], view[1], channels)  # (v, y, u, x, c)
+    quilt = advise_quilt(view, grid)
     note = (
         f"arrangement: the picture repeats about every {view[0]}x{view[1]} pixels, so it is read as a mosaic of "
-        f"{grid[0]}x{grid[1]} views, not as an elemental image array; arrangement eia reads it as one"
-        f"{advise_quilt(view, grid)}"
+        f"{grid[0]}x{grid[1]} views; {f'{quilt}; ' if quilt else ''}if it is an elemental image array, give "
+        "arrangement eia"
     )
     note = note_other_views(periods, view, grid) or ("" if is_sure else note)
     return LightField(tiles.swapaxes(1, 2), (note,) if note else (), depth_sense="cameras")

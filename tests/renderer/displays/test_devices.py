@@ -1,7 +1,7 @@
 import pytest
 
 from ciir.errors import InvalidOption
-from ciir.renderer.displays.devices import DEVICES, match_views, resolve_quilt
+from ciir.renderer.displays.devices import DEVICES, find_aspect, find_layout, match_views, resolve_quilt
 from ciir.renderer.displays.quilt import QuiltLayout, QuiltName
 
 PORTRAIT, GO = DEVICES["portrait"], DEVICES["go"]
@@ -42,6 +42,16 @@ def test_the_default_is_a_device_with_as_many_views_as_the_light_field_and_the_n
 def test_what_is_given_wins_over_the_number_of_views(given):
     quilt = resolve_quilt(**given)
     assert match_views(quilt, 66, 9 / 16) == quilt
+
+
+@pytest.mark.parametrize("device", DEVICES.values(), ids=DEVICES)
+def test_a_quilt_of_a_device_is_known_by_its_size(device):
+    """Its pixels need not be square. Quilts of a size that two devices have would be ambiguous."""
+    layout = device.layout
+    assert find_layout((device.height, device.width)) == layout
+    assert find_aspect((layout.rows, layout.cols), device.tile) == layout.aspect
+    assert find_aspect((layout.cols + 1, layout.rows), device.tile) is None
+    assert find_layout((device.height + 1, device.width)) is None
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """Pictures of all views: their margins, what they are, and the numbers that would fit."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -81,9 +83,9 @@ def test_a_mosaic_is_read_as_what_it_is(layout):
     assert np.array_equal(field.views, VIEWS)
     assert field.depth_sense == "cameras"
     assert field.notes[0] == (
-        "arrangement: the picture repeats about every 60x60 pixels, so it is read as a mosaic of 5x7 views, not as an "
-        "elemental image array; arrangement eia reads it as one; a quilt is recognised by its name, here "
-        "NAME_qs7x5a1.png"
+        "arrangement: the picture repeats about every 60x60 pixels, so it is read as a mosaic of 5x7 views; if it is a "
+        "quilt, name it NAME_qs7x5a1.png, or put its NAME.png.json next to it; if it is an elemental image array, give "
+        "arrangement eia"
     )
     sure = read(MOSAIC, arrangement="mosaic", **layout)
     assert np.array_equal(sure.views, VIEWS)
@@ -237,11 +239,12 @@ def test_wrong_numbers_for_a_real_elemental_image_array_are_noted(layout):
 @pytest.mark.parametrize("layout", [{}, {"arrangement": "mosaic"}, {"arrangement": "mosaic", "lenses": (59, 60)}])
 def test_a_mosaic_is_named_where_its_numbers_are_missing_or_wrong(layout):
     text = message(MOSAIC, **layout)
-    assert "the picture repeats every 60x60 pixels, as a mosaic of 5x7 views (rows x columns) does; give pixels" in text
+    assert "the picture repeats every 60x60 pixels, as a mosaic of 5x7 views (rows x columns) does; " in text
     assert "give pixels 5x7" in text
     assert "lens_pitch" not in text
     assert ("arrangement eia and pixels 60x60" in text) is (layout == {})
-    assert ("a quilt is recognised by its name, here NAME_qs7x5a1.png" in text) is (layout == {})
+    quilt = "does; if it is a quilt, name it NAME_qs7x5a1.png, or put its NAME.png.json next to it; otherwise give"
+    assert (quilt in text) is (layout == {})
 
 
 def test_a_mosaic_whose_period_does_not_show():
@@ -285,21 +288,35 @@ def test_a_note_on_a_mosaic_has_the_name_that_a_quilt_needs():
     """The name that is advised is one that the quilt's reader understands."""
     wide = np.repeat(MOSAIC, 2, axis=1)  # views twice as wide as high
     (note,) = (note for note in read(wide, pixels=(5, 7), order="given").notes if note.startswith("arrangement"))
-    advised = note.rpartition(" ")[2]
+    advised = re.search(r"name it (\S+),", note)[1]
     assert parse_name(advised) == QuiltName(7, 5, 2.0)
 
 
 @pytest.mark.parametrize(
     ("view", "grid", "advice"),
     [
-        ((560, 420), (6, 8), "; a quilt is recognised by its name, here NAME_qs8x6a0.75.png"),
+        ((560, 420), (6, 8), "NAME_qs8x6a0.75.png"),
+        ((720, 960), (6, 8), "NAME_qs8x6a1.77778.png"),  # of a 16-landscape, whose pixels aren't square
+        ((720, 961), (6, 8), "NAME_qs8x6a1.33472.png"),
         ((15, 15), (50, 50), ""),  # elemental images of 50x50 lenses
         ((3, 303), (2, 2), ""),  # wider than a quilt's views may be
         ((2000, 2000), (1001, 2), ""),  # more than a quilt may have
     ],
 )
 def test_only_what_may_be_a_quilt_gets_a_name(view, grid, advice):
-    assert advise_quilt(view, grid) == advice
+    found = advise_quilt(view, grid)
+    assert found == (f"if it is a quilt, name it {advice}, or put its NAME.png.json next to it" if advice else "")
+
+
+def test_a_picture_of_the_size_of_a_devices_quilt_may_be_one_even_if_it_shows_no_views():
+    """Large quilts with a plain background often don't."""
+    plain = np.zeros((3360, 3360, 1), np.uint8)
+    assert message(plain).startswith(
+        "a.png: if it is a quilt, name it NAME_qs8x6a0.75.png, or put its NAME.png.json next to it; any other picture "
+        "is read as an elemental image array; give the number of lenses"
+    )
+    for other in (message(plain, arrangement="eia"), message(plain[1:])):
+        assert other.startswith("a.png: a picture is read as an elemental image array; give the number of lenses")
 
 
 def test_the_text_of_a_png_counts_before_what_looks_like_eslf():
