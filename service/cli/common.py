@@ -12,7 +12,7 @@ from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.options import TEXT_FILES, read_description
 from ciir.renderer.writers.writer import report_json
-from ciir.service.errors import join_lines
+from ciir.service.cli.messages import format_message
 from ciir.service.pipeline.options import KINDS
 from ciir.service.pipeline.source import add_frames, draw_grid_at, open_source
 
@@ -80,7 +80,7 @@ def write_report(report: Report, path: str | None) -> None:
         with replacing(Path(path)) as file:
             file.write(report_json(report))
     for note in report["notes"]:
-        print(f"ciir: note: {join_lines(note)}", file=sys.stderr)
+        print(f"ciir: note: {format_message(note)}", file=sys.stderr)
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import Error, InvalidOption, TooLarge
 from ciir.service.cli.extras import require_extra
+from ciir.service.cli.messages import format_message
 from ciir.service.cli.parser import parse_arguments
 from ciir.service.errors import find_response, join_lines
 from ciir.service.pipeline.limits import describe_setting
@@ -39,11 +40,12 @@ PLACE = dict.fromkeys(
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs `argv` (by default the process's own) and returns the exit status. Errors are one line on stderr."""
+    words = sys.argv[1:] if argv is None else argv
     try:
-        _run(sys.argv[1:] if argv is None else argv)
+        _run(words)
     except Error as error:
         more = describe_setting(error) if isinstance(error, TooLarge) else ""
-        return _print_error(f"{error}{more}", find_response(error).exit)
+        return _print_error(format_message(f"{error}{more}", words), find_response(error).exit)
     except BrokenPipeError:
         _discard_output()
         return PIPE_CLOSED

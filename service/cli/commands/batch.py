@@ -14,6 +14,7 @@ from ciir.cores import count_available_cores
 from ciir.errors import InvalidOption
 from ciir.renderer.writers.formats import BY_SUFFIX
 from ciir.service.cli import common, output_path
+from ciir.service.cli.messages import format_message
 from ciir.service.pipeline.source import SCENE
 
 if TYPE_CHECKING:
@@ -107,7 +108,7 @@ def _showing(total: int) -> Iterator[Report]:
             done, total = done + 1, total + added
             if outcome is not None and outcome.status == "failed":
                 what = outcome.error if outcome.error.startswith(task.source) else f"{task.source}: {outcome.error}"
-                tqdm.write(f"ciir: {what}", file=sys.stderr)
+                tqdm.write(f"ciir: {format_message(what, [task.source])}", file=sys.stderr)
             bar.total = total
             bar.update()
             now = time.monotonic()

@@ -236,6 +236,17 @@ def test_a_large_light_field_goes_through_the_engine_in_parts(folder, tmp_path, 
     assert "made in 3 parts, whose times are added up" in reasons
 
 
+def test_errors_name_options_as_they_are_typed(tmp_path, capsys):
+    (tmp_path / "all_in_focus.png").write_bytes(encode_png(make_views((1, 1), side=40, channels=3)[0, 0]))
+    source = str(tmp_path / "all_in_focus.png")
+    with pytest.raises(SystemExit):
+        main(["batch", source, "-o", str(tmp_path / "out"), "--workers", "1", "--lens-pitch", "auto"])
+    errors = capsys.readouterr().err
+    assert f"ciir: {source}: all_in_focus.png: shows no lens grid" in errors
+    assert "leave --lens-pitch out" in errors
+    assert "lens_pitch" not in errors
+
+
 def test_a_joined_report_has_the_reasons_and_notes_of_every_part():
     def make_report(reason, note):
         plan = {"reasons": ["one for all", reason, "skipped: some pixels"], "predicted_ms": 1.0}

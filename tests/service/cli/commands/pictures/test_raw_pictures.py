@@ -85,16 +85,16 @@ def test_an_array_takes_the_same(folder):
     [
         (
             ["scene:vase", "--lens-pitch", "auto"],
-            "lens_pitch: this is for raw lenslet pictures, unlike scene:vase",
+            "--lens-pitch: this is for raw lenslet pictures, unlike scene:vase",
         ),
         (["raw.png", *GRID, "--white", "white.npy"], "white: white.npy is not a picture; give one as large as the raw"),
         (["scene:vase", "--white", "white.png"], "white: frames go with one raw lenslet picture"),
-        (["cube.off", "--show-grid", "grid.png"], "show_grid: this is for a raw lenslet picture"),
-        (["raw.png", *GRID, "--show-grid", "grid.jpg"], "show_grid: 'grid.jpg' doesn't end with .png"),
+        (["cube.off", "--show-grid", "grid.png"], "--show-grid: this is for a raw lenslet picture"),
+        (["raw.png", *GRID, "--show-grid", "grid.jpg"], "--show-grid: 'grid.jpg' doesn't end with .png"),
         (["raw.png", *GRID, "--show-grid", "raw.png"], "raw.png: the input is there"),
         (["raw.png", *GRID, "--dark", "gone.png"], "gone.png: No such file"),
-        (["raw.png", "--white", "white.png"], "lens_pitch: raw.png holds a picture with white or dark frames"),
-        (["raw.png"], "give lens_pitch auto for a raw lenslet picture"),
+        (["raw.png", "--white", "white.png"], "--lens-pitch: raw.png holds a picture with white or dark frames"),
+        (["raw.png"], "give --lens-pitch auto for a raw lenslet picture"),
     ],
 )
 def test_what_does_not_fit_is_one_line(folder, capsys, words, message):
