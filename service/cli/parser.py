@@ -33,7 +33,9 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Raises `InvalidOption` instead of printing the usage."""
-        raise InvalidOption(f"{message}; see {self.prog} --help")
+        found = re.fullmatch(r"argument .*: invalid choice: '(.*)' \(choose from (.*)\)", message)
+        close = _advise(found[1], re.findall(r"[\w-]+", found[2])) if found is not None else ""
+        raise InvalidOption(f"{message}; {close or f'see {self.prog} --help'}")
 
     def print_help(self, file: SupportsWrite[str] | None = None) -> None:
         """Prints the help. Raises `OSError` if the output can't be written, which argparse ignores."""
@@ -51,8 +53,7 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
     elif rest:
         parser = whole if args.command is None else args.parser
         known = re.findall(r"--[\w-]+", parser.format_usage())
-        close = difflib.get_close_matches(rest[0].partition("=")[0], known, n=1, cutoff=0.75)
-        remedy = f"did you mean {close[0]}?" if close else f"see {parser.prog} --help"
+        remedy = _advise(rest[0].partition("=")[0], known) or f"see {parser.prog} --help"
         raise InvalidOption(f"unrecognized arguments: {' '.join(rest)}; {remedy}")
     return args
 
@@ -234,6 +235,12 @@ def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command.add_argument("--weights", metavar="FILE", help="weights that spandrel supports, instead of a checkpoint")
     command.add_argument("--name", metavar="NAME", help="the network's name (default: from the recipe or the file)")
     command.add_argument("--on", nargs="*", default=[], metavar="FOLDER", help="test sets whose scores go on the card")
+
+
+def _advise(word: str, known: Sequence[str]) -> str:
+    """Asks about the word of `known` that is closest to a misspelt one; empty if none is close."""
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.75)
+    return f"did you mean {close[0]}?" if close else ""
 
 
 def _join_values(argv: Sequence[str]) -> list[str]:

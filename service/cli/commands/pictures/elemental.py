@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
 from ciir.renderer.writers.atomic_write import replacing
+from ciir.renderer.writers.formats import WHOLE_BY_SUFFIX
 from ciir.renderer.writers.pictures import SUFFIXES
 from ciir.service.cli import common, output_path
 from ciir.service.pipeline.elemental import encode_eia, render_eia
@@ -24,7 +25,9 @@ def run(args: argparse.Namespace) -> None:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES or args.out.endswith("/"):
         listed = ", ".join(SUFFIXES)
-        raise InvalidOption(f"{args.out or '-o'}: not a picture's name; end it with one of {listed}")
+        is_file = suffix in WHOLE_BY_SUFFIX and not args.out.endswith("/")
+        other = f", or use ciir convert, which writes all views as {suffix}" if is_file else ""
+        raise InvalidOption(f"{args.out or '-o'}: not a picture's name; end it with one of {listed}{other}")
     output_path.check_places(args)
     options, source = common.parse_options(args), open_source(args.input)
     with replacing(path) as file:
