@@ -244,7 +244,7 @@ def _reconstruct(
         },
         "model": describe_model(plan.model, plan.scale) if upscale is not None else None,
         "options": options.as_dict(RECONSTRUCTION),
-        "notes": [*described["notes"], *plan.notes, *fallback_notes(finished)],
+        "notes": [*described["notes"], *plan.notes, *fallback_notes(finished, of_mesh=job.mesh is not None)],
         "timings_ms": clock.timings_ms(),
         "versions": find_versions(*described["packages"], *(("onnxruntime",) if upscale is not None else ())),
     }

@@ -177,11 +177,12 @@ def finishing_reasons(plan: Plan, finished: Sequence[Finishing]) -> list[str]:
     return reasons
 
 
-def fallback_notes(finished: Sequence[Finishing]) -> list[str]:
+def fallback_notes(finished: Sequence[Finishing], *, of_mesh: bool) -> list[str]:
     """Returns the report's note on the share of pixels that the fallback made; none if it is negligible."""
     share = sum(view.fallback for view in finished) / max(1, len(finished))
     if share < MINIMUM_FALLBACK_SHARE:
         return []
     made = f"{100 * share:.0f} % of the pixels were made by {fallback_name()} from their view alone"
-    causes = "another scene, a wrong order of views, noise, errors of a JPEG, or depths too far apart"
+    captured = "another scene, a wrong order of views, noise, errors of a JPEG, or depths too far apart"
+    causes = "too few lenses, or depths too far apart" if of_mesh else captured
     return [f"{made}: the neighbouring views don't match there ({causes})"]

@@ -187,8 +187,16 @@ def test_the_fallback_share_is_noted(stand_in):
     _, report = run(eia, lenses=(6, 9))
     (note,) = report["notes"]
     assert note.startswith(
-        "100 % of the pixels were made by quality from their view alone: the neighbouring views don't match"
+        "100 % of the pixels were made by quality from their view alone: the neighbouring views don't match there "
+        "(another scene, "
     )
+
+
+def test_the_fallback_share_of_a_mesh_is_noted_with_its_own_causes(cube, stand_in):
+    stand_in.uncertainty = 1.1
+    _, report = run(cube, views="center", model="field", **MESH)
+    (note,) = report["notes"]
+    assert note.endswith("the neighbouring views don't match there (too few lenses, or depths too far apart)")
 
 
 @pytest.mark.parametrize(
