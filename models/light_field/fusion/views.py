@@ -28,8 +28,8 @@ BLOCK_SIDE = 3
 """Views along each side of the block whose mean a fused view is."""
 JPEG_NOISE = 3.0
 """Factor on the differences from the input that count as noise, so that little of a JPEG's errors comes back."""
-MOST_PIXELS = 2**18
-"""Largest views, in pixels, that `auto` fuses. A single one of 512x512 takes about two seconds more."""
+MOST_PIXELS = 2**16
+"""Largest views, in pixels, that `auto` fuses. A single one of that size takes about a second more on two cores."""
 
 
 class _Made(NamedTuple):
