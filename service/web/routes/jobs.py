@@ -137,13 +137,13 @@ async def cancel_job(request: Request, job: FoundJob, state: State) -> Response:
 
 
 async def read_result(request: Request, job: FoundJob, state: State) -> Response:
-    """Returns the result file; if the job failed, its problem."""
+    """Returns the result file, or a part of it; if the job failed, its problem."""
     if job.result is None:
         return results.respond_unfinished(job, request.url.path, is_post=False)
     tag = results.find_matching_tag(request.headers.getlist("if-none-match"), job.id)
     if tag is not None:
         return results.respond_unchanged(tag, job.request.kind)
-    return await results.respond_with_result(state.engine.jobs, job, job.result, is_head=request.method == "HEAD")
+    return await results.respond_to_read(state.engine.jobs, job, job.result, request)
 
 
 async def find_start(request: Request, job: FoundJob) -> tuple[Job, int]:
@@ -218,8 +218,10 @@ def make_router(kind: Kind) -> APIRouter:
         "/{id}/result",
         operation_id=f"get{title}Result",
         summary="Result of a job",
-        responses=openapi.describe_result(kind) | openapi.describe_errors(401, 404, 409, 410, 413, 415, 422, 503),
-        openapi_extra={"parameters": [openapi.IF_NONE_MATCH]},
+        responses=openapi.describe_result(kind)
+        | openapi.describe_part(kind)
+        | openapi.describe_errors(401, 404, 409, 410, 413, 415, 416, 422, 503),
+        openapi_extra={"parameters": [openapi.IF_NONE_MATCH, openapi.RANGE, openapi.IF_RANGE]},
     )(read_result)
     router.get(
         "/{id}/events",

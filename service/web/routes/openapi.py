@@ -28,6 +28,7 @@ _ERRORS = {
     410: "the result is missing, or was damaged; post the input again",
     413: "over a limit on bytes, pixels, files, triangles or memory",
     415: "not multipart, or not a file of a supported type",
+    416: "the result has none of the bytes that Range asks for",
     422: "an option or the content of the file is invalid",
     429: "too many jobs wait, or too many event streams are open; try again after Retry-After",
     503: "the server is starting or stopping, or its queue cannot be reached; try again after Retry-After",
@@ -86,6 +87,13 @@ def describe_result(kind: Kind) -> Responses:
     }
 
 
+def describe_part(kind: Kind) -> Responses:
+    """Describes 206 with a part of the result."""
+    whole = describe_result(kind)[200]
+    headers = whole["headers"] | {"Content-Range": _header("the bytes that are sent, and the size of the result")}
+    return {206: whole | {"description": "the part of the result that Range asks for", "headers": headers}}
+
+
 def describe_status(kind: Kind, code: int, description: str, **headers: str) -> Responses:
     """Describes a job's status as JSON. `headers` are descriptions by name, with `_` for `-`."""
     described = describe_json(code, description, schemas.refer(schemas.STATUSES[kind.name].__name__))
@@ -122,6 +130,8 @@ def _parameter(name: str, description: str, example: str) -> dict[str, Any]:
 PREFER = _parameter(
     "Prefer", "`respond-async`: answer 202 immediately; `wait=N`: answer after at most N seconds", "respond-async"
 )
+RANGE = _parameter("Range", "send only these bytes of the result, in one part", "bytes=1000000-")
+IF_RANGE = _parameter("If-Range", "with Range: the ETag of the result; if it has another one, send all of it", '"..."')
 IF_NONE_MATCH = _parameter(
     "If-None-Match", "ETags of results that the client has", '"0123456789abcdef0123456789abcdef"'
 )

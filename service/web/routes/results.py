@@ -18,9 +18,12 @@ from ciir.service.jobs.identity import hash_installation
 from ciir.service.jobs.job import FINAL
 from ciir.service.pipeline.options import FILE_TYPES, KINDS
 from ciir.service.web import problems
+from ciir.service.web.routes.ranges import describe_part, find_part
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from fastapi import Request
 
     from ciir.service.jobs.job import Job, Result
     from ciir.service.jobs.jobs import Jobs
@@ -131,7 +134,8 @@ def find_matching_tag(if_none_match: Iterable[str], id_: str) -> str | None:
     return next((tag for tag in tags if tag.removeprefix("W/") == f'"{id_}"'), None)
 
 
-def _make_headers(job: Job, result: Result, timings: Mapping[str, float]) -> dict[str, str]:
+def _make_headers(job: Job, result: Result, timings: Mapping[str, float] | None) -> dict[str, str]:
+    timings = result.report["timings_ms"] if timings is None else timings
     # The id stands for the result of this version, but a worker of another one may have made it.
     value = job.id if job.made_by == hash_installation() else f"{job.id}-{job.made_by[:8]}"
     # A report holds timings, which differ between two runs of one job, so its tag is weak.
@@ -172,25 +176,55 @@ def respond_unchanged(tag: str, kind: KindName) -> Response:
 
 
 async def respond_with_result(
-    jobs: Jobs, job: Job, result: Result, timings: Mapping[str, float] | None = None, *, is_head: bool = False
+    jobs: Jobs, job: Job, result: Result, timings: Mapping[str, float] | None = None
 ) -> Response:
-    """Responds with the result of a finished job.
+    """Responds with the result of a finished job to the request that asked for the job.
 
-    `timings`: milliseconds by stage, or None for those of the job. `is_head`: respond to a HEAD, without a body.
+    `timings`: milliseconds by stage, or None for those of the job. Raises `ResultExpired` or `QueueUnavailable`.
+    """
+    return await _respond(jobs, job, result, _make_headers(job, result, timings))
+
+
+async def respond_to_read(jobs: Jobs, job: Job, result: Result, request: Request) -> Response:
+    """Responds with the result of a finished job, or the part of it that a GET asks for, to its own request.
+
     Raises `ResultExpired` or `QueueUnavailable`.
     """
-    file, start = await to_thread.run_sync(_open_result, jobs, job.id)
-    fields = _make_headers(job, result, result.report["timings_ms"] if timings is None else timings)
+    fields = _make_headers(job, result, None) | {"Accept-Ranges": "bytes"}
+    is_head = request.method == "HEAD"
+    part = None if is_head else find_part(request.headers, fields["ETag"], result.size)
+    if part is None:
+        return await _respond(jobs, job, result, fields, is_head=is_head)
+    where = {"Content-Range": describe_part(part, result.size)}
+    if not part:
+        detail = f"Range: {request.headers['range'][:80]!r} asks for no byte of the {result.size:,}; leave it out"
+        return problems.respond_problem(request.url.path, 416, detail, title="No such part", headers=where)
+    return await _respond(jobs, job, result, fields | where, part=part)
+
+
+async def _respond(
+    jobs: Jobs,
+    job: Job,
+    result: Result,
+    fields: dict[str, str],
+    *,
+    is_head: bool = False,
+    part: range | None = None,
+) -> Response:
+    wanted = part or range(result.size)
+    status = 200 if part is None else 206
+    file, start = await to_thread.run_sync(_open_result, jobs, job.id, wanted)
     fields["Content-Disposition"] = f'attachment; filename="{_name_file(job.id, result)}"'
     media_type = FILE_TYPES[result.format].media_type
-    if len(start) == result.size:
+    if len(start) == len(wanted):
         file.close()
-        return Response(start, headers=fields, media_type=media_type)
-    fields["Content-Length"] = str(result.size)
+        return Response(start, status, headers=fields, media_type=media_type)
+    fields["Content-Length"] = str(len(wanted))
     if is_head:
         file.close()
         return Response(headers=fields, media_type=media_type)
-    return StreamingResponse(_read_chunks(file, start), headers=fields, media_type=media_type)
+    chunks = _read_chunks(file, start, len(wanted))
+    return StreamingResponse(chunks, status, headers=fields, media_type=media_type)
 
 
 def _name_file(id_: str, result: Result) -> str:
@@ -199,14 +233,17 @@ def _name_file(id_: str, result: Result) -> str:
     return f"{id_}{QuiltLayout(**layout).suffix if layout else ''}{FILE_TYPES[result.format].suffix}"
 
 
-def _open_result(jobs: Jobs, id_: str) -> tuple[IO[bytes], bytes]:
+def _open_result(jobs: Jobs, id_: str, wanted: range) -> tuple[IO[bytes], bytes]:
     file = jobs.open_result(id_)
-    return file, file.read(CHUNK)
+    file.seek(wanted.start)
+    return file, file.read(min(CHUNK, len(wanted)))
 
 
-def _read_chunks(file: IO[bytes], start: bytes) -> Iterator[bytes]:
+def _read_chunks(file: IO[bytes], start: bytes, length: int) -> Iterator[bytes]:
+    """Yields `length` bytes of the file, of which `start` has been read."""
     with file:
         chunk = start
         while chunk:
             yield chunk
-            chunk = file.read(CHUNK)
+            length -= len(chunk)
+            chunk = file.read(min(CHUNK, length))

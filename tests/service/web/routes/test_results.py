@@ -74,15 +74,44 @@ def test_only_a_post_is_repeated_after_an_error_of_the_server():
     assert again == ["10", None]
 
 
+def read(jobs, job, result, method="GET", **headers):
+    request = SimpleNamespace(method=method, headers=headers, url=SimpleNamespace(path="/result"))
+    return asyncio.run(results.respond_to_read(jobs, job, result, request))
+
+
 def test_head_of_a_large_result_reads_one_chunk(monkeypatch):
     monkeypatch.setattr(results, "CHUNK", 4)
     file = io.BytesIO(b"123456789")
     jobs = SimpleNamespace(open_result=lambda id_: file)
-    response = asyncio.run(results.respond_with_result(jobs, DONE, DONE.result, is_head=True))
+    response = read(jobs, DONE, DONE.result, method="HEAD", range="bytes=2-")
     assert file.closed
     assert (response.body, response.headers["content-length"]) == (b"", "9")
     assert response.headers["etag"] == f'W/"{ID}"'
     assert response.headers["x-notes"] == r'["a note on \u0394E"]'
+
+
+@pytest.mark.parametrize("chunk", [2, 100])
+def test_a_part_of_a_result(monkeypatch, chunk):
+    monkeypatch.setattr(results, "CHUNK", chunk)
+    file = io.BytesIO(b"123456789")
+    response = read(SimpleNamespace(open_result=lambda id_: file), DONE, DONE.result, range="bytes=3-7")
+
+    async def collect():
+        return b"".join([part async for part in response.body_iterator]) if chunk == 2 else response.body
+
+    assert asyncio.run(collect()) == b"45678"
+    assert response.status_code == 206
+    assert response.headers["content-range"] == "bytes 3-7/9"
+    assert response.headers["content-length"] == "5"
+    assert response.headers["accept-ranges"] == "bytes"
+    assert file.closed
+
+
+def test_a_part_beyond_the_end_is_a_problem():
+    response = read(SimpleNamespace(), DONE, DONE.result, range="bytes=9-")
+    assert (response.status_code, response.headers["content-range"]) == (416, "bytes */9")
+    problem = json.loads(response.body)
+    assert problem["detail"] == "Range: 'bytes=9-' asks for no byte of the 9; leave it out"
 
 
 @pytest.mark.parametrize(("maker", "end"), [(DONE.made_by, ""), ("0123456789", "-01234567"), ("", "-")])
@@ -99,11 +128,8 @@ def test_what_a_worker_of_another_version_made_has_another_tag(maker, end):
 def test_notes_in_the_header_have_a_limit(count):
     notes = [f"{number}{'x' * 200}" for number in range(count)]
     report = {"timings_ms": {}, "notes": notes}
-    response = asyncio.run(
-        results.respond_with_result(
-            SimpleNamespace(open_result=lambda id_: io.BytesIO(b"")), DONE, Result("zip", 0, report), is_head=True
-        )
-    )
+    jobs = SimpleNamespace(open_result=lambda id_: io.BytesIO(b""))
+    response = asyncio.run(results.respond_with_result(jobs, DONE, Result("zip", 0, report)))
     found = json.loads(response.headers["x-notes"])
     assert len(response.headers["x-notes"]) <= results.MOST_NOTES
     if count < 100:
