@@ -269,10 +269,10 @@ def upscale(
 
     `model`: a name that `ciir models` lists; `auto` takes a light-field network for a grid of 3x3 views and more, else
     the default single-picture network. `fusion`: which views of a light field become the mean of themselves and their
-    upscaled neighbours: `always`, `never`, or `auto` for those that look filtered. `skip`: whether pixels with a known
-    result are skipped, which changes no pixel. `sampling`: `lenslet` for views that were rendered with it, so that
-    means over the lenses stay means. For captured light fields the sampling is detected, and so is whether they are
-    free of noise. `progress(done, total)` counts views.
+    upscaled neighbours: `always`, `never`, or `auto` for those of at most 100,000 pixels that look filtered. `skip`:
+    whether pixels with a known result are skipped, which changes no pixel. `sampling`: `lenslet` for views that were
+    rendered with it, so that means over the lenses stay means. For captured light fields the sampling is detected, and
+    so is whether they are free of noise. `progress(done, total)` counts views.
 
     Returns the same type, `scale` times as large along each side; with `model` `none` the size stays, whatever the
     scale.
@@ -289,7 +289,7 @@ def upscale(
     large: np.ndarray[Any, np.dtype[Any]] = np.stack(list(writer.views.values()))
     if isinstance(images, LightField):
         views = large.reshape(*light_field.views.shape[:2], *large.shape[1:])
-        return replace(images, views=views, notes=tuple(report["notes"]), lens_pitch=None)
+        return replace(images, views=views, notes=tuple(report["notes"]), lens_pitch=None, is_jpeg=False)
     return large[0, ..., 0] if images.ndim == 2 else large[0]
 
 

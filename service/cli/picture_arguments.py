@@ -30,7 +30,9 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.options import KindName
 
 CONVERSION = tuple(
-    name for name in (*READING, *LENSLET, "model", "scale", *MESH, *WRITING, *DISPLAYS) if name != "neighbour_time"
+    name
+    for name in (*READING, *LENSLET, "model", "scale", "fusion", *MESH, *WRITING, *DISPLAYS)
+    if name != "neighbour_time"
 )
 """Options of `ciir convert`."""
 _GROUPS = {

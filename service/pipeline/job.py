@@ -116,7 +116,8 @@ class Job:
         """Whether any pixel of any view that may be used is not opaque. A mesh's views are opaque."""
         if isinstance(self.content, ViewFiles):
             has_alpha = self.content.shape[4] in (2, 4)
-            return has_alpha and self.content.is_transparent(self.arrangement.list_fused(self.wanted))
+            required = self.arrangement.list_required if self.fusion == "never" else self.arrangement.list_fused
+            return has_alpha and self.content.is_transparent(required(self.wanted))
         return isinstance(self.content, LightField) and self.content.is_transparent()
 
     @cached_property
@@ -217,7 +218,7 @@ def check_kind(name: str, content: Content, options: Options, *, is_upscaled: bo
     if isinstance(content, Scene):
         if options.pickup == "optical":
             raise InvalidOption(f"pickup: optical is for elemental image arrays and {name} is a mesh; leave it out")
-        for option in ("frame", "arrangement", "crop", "order", "flip", "transpose", "depth_sense", "fusion"):
+        for option in ("frame", "arrangement", "crop", "order", "flip", "transpose", "depth_sense"):
             if getattr(options, option) != getattr(Options, option):
                 raise InvalidOption(f"{option}: this is for pictures and {name} is a mesh; leave it out")
         return

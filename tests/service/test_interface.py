@@ -47,6 +47,19 @@ def test_upscaled_views_are_those_of_the_command(tmp_path, model):
         np.testing.assert_array_equal(large.view(v, u), picture)
 
 
+def test_fusion_is_that_of_the_command():
+    random = np.random.default_rng(0)
+    views = random.integers(0, 256, (5, 5, 9, 10, 3)).astype(np.uint8)
+    light_field = ciir.LightField(views, is_ordered=True, is_jpeg=True)
+    for fusion in ("auto", "always", "never"):
+        large = ciir.upscale(light_field, model="field", fusion=fusion)
+        result = ciir.reconstruct(light_field, model="field", fusion=fusion)
+        np.testing.assert_array_equal(large.view(2, 2), result.views[2, 2])
+        is_fused = any(reason.startswith("fusion: 1 of 1") for reason in result.report["plan"]["reasons"])
+        assert is_fused == (fusion != "never")
+        assert not large.is_jpeg
+
+
 @pytest.mark.parametrize("shape", [(8, 9), (8, 9, 1), (8, 9, 4)])
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_one_picture_keeps_its_shape_and_type(shape, dtype):

@@ -27,23 +27,24 @@ MOST_PLANES = 96
 """For wider ranges the planes lie further apart."""
 PATCH = 5
 """Side of the square over which differences are averaged."""
-LARGEST = np.float32((20 / 255) ** 2)
-"""Squared differences of luma count up to this: larger ones are other objects."""
+LARGEST = np.float32(0.6**2)
+"""Squared differences count up to this, in units of contrast: larger ones are other objects."""
 ROUNDS = 2
 """Steps of least squares."""
 FARTHEST = np.float32(0.5)
 """Most pixels by which each of them changes a disparity."""
-SOFT = np.float32((10 / 255) ** 2)
-"""Squared difference of luma at which a pixel counts half in least squares."""
-LEAST_SLOPE = np.float32((2 / 255) ** 2)
-"""Added to the mean squared gradient: flat parts keep the disparity of their plane."""
+SOFT = np.float32(0.3**2)
+"""Squared difference, in units of contrast, at which a pixel counts half in least squares."""
+LEAST_SLOPE = np.float32(0.06**2)
+"""Added to the mean squared gradient, in units of contrast: flat parts keep the disparity of their plane."""
 
 
 def estimate_disparity(own: Plane, beside: Mapping[View, Plane], limits: Range) -> Plane:
     """Estimates by how many pixels the content of `own` moves towards larger coordinates from one view to the next.
 
-    `own`: the view's luma in [0, 1], `(H, W)`. `beside`: the luma of other views of its row and its column, by offset
-    (down, right), of which one is 0. `limits`: the smallest and the largest disparity. Returns `(H, W)`.
+    `own`: the view's luma in units of its contrast, `(H, W)`. `beside`: the luma of other views of its row and its
+    column, by offset (down, right), of which one is 0. `limits`: the smallest and the largest disparity. Returns
+    `(H, W)`.
     """
     from scipy import ndimage  # imported here because most jobs don't need it
 
@@ -104,7 +105,8 @@ def _find_step(own: Plane, beside: Mapping[View, Plane], disparity: Plane) -> Pl
     along, squares = np.zeros_like(own), np.zeros_like(own)
     for (down, right), luma in beside.items():
         moved = warp_picture(luma, disparity * down if down else None, disparity * right if right else None)
-        slope = np.gradient(moved, axis=0 if down else 1)
+        axis = 0 if down else 1
+        slope = np.gradient(moved, axis=axis) if moved.shape[axis] > 1 else np.zeros_like(moved)
         slope *= down or right
         difference = own - moved
         weight = SOFT / (SOFT + np.square(difference))

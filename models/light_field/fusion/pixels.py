@@ -14,23 +14,29 @@ if TYPE_CHECKING:
     from ciir.models.light_field.disparities.shifts import Plane
     from ciir.models.light_field.windows import View
 
-DEVIATION = 7 / 255
-"""Difference of luma, as the root of its mean square over a patch, at which a view's weight is 1/e."""
+DEVIATION = 0.18
+"""Difference, as the root of its mean square over a patch, at which a view's weight is 1/e, in units of contrast."""
 OWN_WEIGHT = np.float32(2)
 """Weight of the view itself; that of another one is at most 1."""
 PATCH = 5
 """Side of that patch, in pixels of the upscaled views."""
 
+AROUND = 15
+"""Side of the square over which views are brought to the same brightness, in the same pixels."""
+MARGIN = PATCH // 2 + AROUND // 2
+"""Rows on each side of a strip that the filters need."""
 STRIP_ROWS = 64
 """Rows that are processed at once, so that they stay in the processor's cache."""
 
 
 def fuse_lumas(own: Plane, around: Mapping[View, Plane], disparity: Plane) -> Plane:
-    """Returns the mean of `own` and the views `around` it, by offset (down, right): luma in [0, 1], `(k*H, k*W)`.
+    """Returns the mean of `own` and the views `around` it, by offset (down, right): luma in units of the view's
+    contrast, `(k*H, k*W)`.
 
     `disparity`: by how many pixels of `(H, W)` content moves towards larger coordinates from one view to the next. A
     view that shows other content at a pixel, because something hides it there, hardly counts: its weight falls with the
-    mean squared difference around the pixel, as in non-local means (Buades et al., CVPR 2005).
+    mean squared difference around the pixel, as in non-local means (Buades et al., CVPR 2005). Differences that are
+    the same all around a pixel don't count and don't change the result: lenses and cameras differ in brightness.
     """
     from scipy import ndimage  # imported here because most jobs don't need it
 
@@ -38,13 +44,17 @@ def fuse_lumas(own: Plane, around: Mapping[View, Plane], disparity: Plane) -> Pl
     moved = scale * enlarge(disparity, scale)
     result = np.empty_like(own)
     for top in range(0, len(own), STRIP_ROWS):
-        first = max(0, top - PATCH // 2)
-        some = slice(first, top + STRIP_ROWS + PATCH // 2)  # with the rows that the filter needs
+        first = max(0, top - MARGIN)
+        some = slice(first, top + STRIP_ROWS + MARGIN)
         here, by = own[some], moved[some]
         total, weights = OWN_WEIGHT * here, np.full_like(here, OWN_WEIGHT)
         for (down, right), luma in around.items():
             warped = warp_picture(luma, by * down if down else None, by * right if right else None, first_row=first)
-            weight = ndimage.uniform_filter(np.square(warped - here), PATCH, mode="nearest")
+            difference = here - warped
+            even = ndimage.uniform_filter(difference, AROUND, mode="nearest")
+            warped += even
+            difference -= even
+            weight = ndimage.uniform_filter(np.square(difference), PATCH, mode="nearest")
             weight *= np.float32(-1 / DEVIATION**2)
             np.minimum(weight, 0, out=weight)  # the filter's sums can fall below zero by rounding
             np.exp(weight, out=weight)

@@ -2,34 +2,37 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from ciir.bit_depth import count_unused_bits
-from ciir.models.back_projection import restore_luma
+from ciir.bit_depth import count_unused_bits, lower_levels, raise_levels
+from ciir.models.back_projection import measure_contrast, restore_luma
 from ciir.models.light_field.fusion.disparity import estimate_disparity
 from ciir.models.light_field.fusion.pixels import fuse_lumas
 from ciir.models.light_field.network import compute_luma
 from ciir.models.light_field.planes import Range
 from ciir.models.light_field.strides import list_spaced_views, upscale_spaced_views
+from ciir.models.light_field.windows import WINDOW_SIDE
 from ciir.models.parallel import run_each
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from ciir.models.light_field.disparities.shifts import Pixels, Plane
+    from ciir.models.light_field.disparities.shifts import Pixels
     from ciir.models.light_field.finishing import Finishing
     from ciir.models.light_field.fusion import Fusion
     from ciir.models.light_field.strides import UpscaleViews
     from ciir.models.light_field.windows import View
 
+Value = TypeVar("Value")
+
 BLOCK_SIDE = 3
 """Views along each side of the block whose mean a fused view is."""
 JPEG_NOISE = 3.0
 """Factor on the differences from the input that count as noise, so that little of a JPEG's errors comes back."""
-MOST_PIXELS = 2**16
-"""Largest views, in pixels, that `auto` fuses. A single one of that size takes about a second more on two cores."""
+MOST_PIXELS = 100_000
+"""Largest views, in pixels, that `auto` fuses. A single one of that size takes 1.5 seconds more on two cores."""
 
 
 class _Made(NamedTuple):
@@ -64,8 +67,8 @@ def list_fused_views(wanted: Sequence[View], grid: tuple[int, int], stride: int)
 class FusingUpscaler:
     """Upscales views of a grid, and replaces some of them by the means of their blocks' upscaled views.
 
-    A view's result doesn't depend on which others are wanted. Upscaled views are kept as long as views of the same row
-    or later ones may need them, so that each is upscaled once if the views are wanted row by row.
+    A view's result doesn't depend on which others are wanted. The latest views are kept, so that each is upscaled once
+    if views are wanted row by row, or column by column.
     """
 
     def __init__(
@@ -85,6 +88,9 @@ class FusingUpscaler:
         self._upscale, self._grid, self._stride = upscale, grid, stride
         self._fusion, self._is_jpeg = fusion, is_jpeg
         self._fetch, self._cores = fetch, cores
+        longest = max(grid)
+        self._most_made = (BLOCK_SIDE + 1) * longest
+        self._most_views = (BLOCK_SIDE + WINDOW_SIDE * stride) * longest
         self._views: dict[View, Pixels] = {}
         self._made: dict[View, _Made] = {}
 
@@ -92,7 +98,7 @@ class FusingUpscaler:
         """Upscales the views `wanted`, as `models.light_field.views.upscale_views` does."""
         if self._fusion == "never":
             return upscale_spaced_views(self._upscale, views, wanted, self._grid, self._stride)
-        self._views.update(views)
+        _refresh(self._views, views)
         self._make(wanted)
         finished = [self._made[view].finishing for view in wanted]
         numbers = [number for number, finishing in enumerate(finished) if self._is_fused(finishing)]
@@ -104,7 +110,8 @@ class FusingUpscaler:
             finished[number] = finished[number]._replace(is_fused=True)
 
         run_each(fuse, numbers, min(self._cores, max(1, len(numbers))))
-        self._forget(max(view[0] for view in wanted))
+        _shorten(self._made, self._most_made)
+        _shorten(self._views, self._most_views)
         return result, finished
 
     def _is_fused(self, finishing: Finishing) -> bool:
@@ -113,6 +120,7 @@ class FusingUpscaler:
     def _make(self, wanted: Sequence[View]) -> None:
         """Upscales those of `wanted` that are not kept."""
         missing = [view for view in wanted if view not in self._made]
+        _refresh(self._made, {view: self._made[view] for view in wanted if view in self._made})
         if not missing:
             return
         absent = [view for view in list_spaced_views(missing, self._grid, self._stride) if view not in self._views]
@@ -125,31 +133,37 @@ class FusingUpscaler:
         """Changes `picture`, the upscaled `view`, to the mean of its block. All channels change by as much as luma."""
         finishing = self._made[view].finishing
         others = {(v - view[0], u - view[1]): (v, u) for v, u in list_block(view, self._grid) if (v, u) != view}
-        unused = count_unused_bits(*(self._views[other] for other in (view, *others.values())))
-        peak = np.iinfo(picture.dtype).max >> unused
-        own = _find_luma(picture, peak)
+        small = self._views[view]
+        contrast = float(np.sqrt(np.mean(np.square(measure_contrast(compute_luma(small, 1))))))
+        if not contrast:
+            return
+        own = compute_luma(picture, contrast)
         disparity = estimate_disparity(
-            _find_luma(self._views[view], peak),
-            {offset: _find_luma(self._views[other], peak) for offset, other in others.items() if 0 in offset},
+            compute_luma(small, contrast),
+            {offset: compute_luma(self._views[other], contrast) for offset, other in others.items() if 0 in offset},
             Range(*(limit / self._stride for limit in finishing.disparities)),
         )
-        around = {offset: _find_luma(self._made[other].picture, peak) for offset, other in others.items()}
-        change = np.rint((fuse_lumas(own, around, disparity) - own) * np.float32(peak)).astype(np.int32)
+        around = {offset: compute_luma(self._made[other].picture, contrast) for offset, other in others.items()}
+        change = np.rint((fuse_lumas(own, around, disparity) - own) * np.float32(contrast)).astype(np.int32)
         for channel in np.moveaxis(picture, -1, 0):
             channel[...] = np.clip(channel + change, 0, np.iinfo(picture.dtype).max)
         sampling = finishing.sampling
         if sampling and sampling.gain:
+            unused = count_unused_bits(small)
             noise = sampling.noise * (JPEG_NOISE if self._is_jpeg else 1)
-            picture[...] = restore_luma(picture, self._views[view], sampling.kind, gain=sampling.gain, noise=noise)
-
-    def _forget(self, row: int) -> None:
-        """Forgets views that none of `row` and the rows below it needs."""
-        first = max(0, min(row - BLOCK_SIDE // 2, self._grid[0] - BLOCK_SIDE))
-        oldest = list_spaced_views([(first, 0)], self._grid, self._stride)[0][0]
-        self._made = {view: made for view, made in self._made.items() if view[0] >= first}
-        self._views = {view: picture for view, picture in self._views.items() if view[0] >= oldest}
+            raised, seen = raise_levels(picture, unused), raise_levels(small, unused)
+            restored = restore_luma(raised, seen, sampling.kind, gain=sampling.gain, noise=noise)
+            picture[...] = lower_levels(restored, unused)
 
 
-def _find_luma(picture: Pixels, peak: int) -> Plane:
-    luma = compute_luma(picture, peak)
-    return np.minimum(luma, 1, out=luma)
+def _refresh(kept: dict[View, Value], latest: Mapping[View, Value]) -> None:
+    """Adds the `latest` entries to `kept`, or moves them to its end."""
+    for view, value in latest.items():
+        kept.pop(view, None)
+        kept[view] = value
+
+
+def _shorten(kept: dict[View, Value], most: int) -> None:
+    """Removes the oldest entries, so that at most `most` stay."""
+    for view in list(kept)[: max(0, len(kept) - most)]:
+        del kept[view]

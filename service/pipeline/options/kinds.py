@@ -213,7 +213,7 @@ KINDS: dict[KindName, Kind] = {
             "display",
             "Make a picture for a light-field display",
             "a mesh, an EIA picture, or a zip of views",
-            (*DISPLAYS, "model", "scale", *_INPUT),
+            (*DISPLAYS, "model", "scale", "fusion", *_INPUT),
             tuple(USES),
             "panel with a display, lenticular with a calibration, else quilt",
             {
@@ -231,7 +231,7 @@ KINDS: dict[KindName, Kind] = {
             (
                 "disparity",
                 *(name for name in FOCUS if name != "view"),
-                *("model", "scale", "fps"),
+                *("model", "scale", "fusion", "fps"),
                 *_INPUT,
             ),
             tuple(dict.fromkeys((*PLANE, *STACK))),
@@ -251,7 +251,7 @@ KINDS: dict[KindName, Kind] = {
             "disparity",
             "Estimate the disparity of a view, or make a model of what the views show",
             "an EIA picture, a zip of views, a light field in one file, or a mesh",
-            ("view", "limits", "model", "scale", *_INPUT),
+            ("view", "limits", "model", "scale", "fusion", *_INPUT),
             (*maps.FORMATS, *MODELS, "zip"),
             "pfm",
             {**ONE_POSE, "model": MODEL_FIRST},

@@ -49,8 +49,8 @@ UPSCALING = {
     "fusion": Option(
         "NAME",
         "whether an upscaled view of a light field becomes the mean of itself and its upscaled neighbours, which is "
-        "closer to the truth and takes longer: always; never; or auto, for views that look filtered and those of an "
-        "array that is a JPEG (default auto)",
+        "closer to the truth and takes longer: always; never; or auto, for views of at most 100,000 pixels that look "
+        "filtered or are of an array that is a JPEG (default auto)",
         make_name(get_args(Fusion)),
         "always",
     ),

@@ -74,7 +74,8 @@ def make_plan(job: Job) -> Plan:
         return Plan(strategy, NO_MODEL, job.scale, LENSLET_SAMPLES, tuple(reasons))
     if job.model == NO_MODEL:
         reasons.append("model none: views are written as they were made, pixel for pixel; scale doesn't apply")
-        return Plan(strategy, NO_MODEL, 1, job.samples, tuple(reasons), notes=note_scale(job.scale))
+        notes = [*note_scale(job.scale), *_note_fusion(job, "model none")]
+        return Plan(strategy, NO_MODEL, 1, job.samples, tuple(reasons), notes=tuple(notes))
     selected = select_model(job)
     model = catalogue.get_entry(selected.model)
     _check_scale(job, model)
@@ -92,8 +93,8 @@ def make_plan(job: Job) -> Plan:
     if fusion == "auto" and (why := explain_no_fusion(job.lenses[0] * job.lenses[1], job.arrangement.stride)):
         fusion = "never"
         reasons.append(f"fusion auto: no view is fused, as {why}")
-    if job.fusion == "always" and fusion == "never":
-        notes.append(f"fusion: always changes nothing with {selected.model}, which upscales view by view")
+    if fusion == "never":
+        notes += _note_fusion(job, "a mesh" if job.mesh else f"{selected.model}, which upscales view by view")
     samples = WINDOW_SIDE * find_cell_side(job.samples) if selected.moves_array else job.samples
     return Plan(
         strategy,
@@ -109,6 +110,11 @@ def make_plan(job: Job) -> Plan:
         job.is_jpeg,
         tuple(notes),
     )
+
+
+def _note_fusion(job: Job, subject: str) -> list[str]:
+    """Returns a note if the fusion of all views was asked for although `subject` has none."""
+    return [f"fusion: always changes nothing with {subject}"] if job.fusion == "always" else []
 
 
 def _check_scale(job: Job, model: Entry) -> None:

@@ -87,6 +87,25 @@ def test_grey_views_by_way_of_a_jpeg(tmp_path):
     assert 10 < found[0] < found[1]
 
 
+@pytest.mark.parametrize(
+    ("jpeg", "most", "expected"), [(None, 1000, ("auto", False)), (60, 1000, ("auto", True)), (60, 1, ("never", True))]
+)
+def test_views_are_fused_as_by_a_reconstruction(tmp_path, monkeypatch, jpeg, most, expected):
+    monkeypatch.setattr("ciir.models.light_field.fusion.views.MOST_PIXELS", most)
+    asked = []
+    upscaler = light_fields.FusingUpscaler
+
+    def record(*arguments, **options):
+        asked.append((options["fusion"], options["is_jpeg"]))
+        return upscaler(*arguments, **options)
+
+    monkeypatch.setattr(light_fields, "FusingUpscaler", record)
+    flat = np.linspace(60, 200, SIDE).astype(np.uint8)[:, None, None].repeat(SIDE, axis=1).repeat(3, axis=2)
+    views = {(v, u): flat + np.uint8(v) for v in range(5) for u in range(5)}
+    measure(Repeat(), save(tmp_path / "v", views), degradation="box", jpeg=jpeg)
+    assert asked == [expected]
+
+
 def test_views_outside_the_grid_are_ignored(tmp_path):
     network, views = Repeat(), field(5, 5)
     measure(network, save(tmp_path / "v", views), grid=(3, 3), degradation="box")

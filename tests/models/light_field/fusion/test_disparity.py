@@ -11,7 +11,7 @@ OFFSETS = ((-1, 0), (1, 0), (0, -1), (0, 1))
 def make_texture(height, width, seed=0):
     noise = np.random.default_rng(seed).random((height, width))
     smooth = ndimage.gaussian_filter(noise, 1.5)
-    return (smooth - smooth.min()) / np.ptp(smooth)
+    return (smooth - smooth.min()) / np.ptp(smooth) * 4  # of a contrast of about 1
 
 
 def look(texture, disparity, offset):
@@ -31,11 +31,20 @@ def test_finds_fractions_of_a_pixel(disparity):
     assert np.mean(np.abs(inside - disparity) < 0.1) > 0.95
 
 
-def test_neighbours_further_away_count_in_steps():
+@pytest.mark.parametrize(("disparity", "limits"), [(0.7, Range(-1, 1)), (-2.8, Range(-3, 0))])
+def test_neighbours_further_away_count_in_steps(disparity, limits):
     texture = make_texture(40, 50)
-    beside = {offset: look(texture, 0.7, offset) for offset in ((0, 1), (0, 2), (1, 0), (2, 0))}
-    found = estimate_disparity(texture.astype(np.float32), beside, Range(-1, 1))[6:-6, 6:-6]
-    assert abs(np.median(found) - 0.7) < 0.02
+    beside = {offset: look(texture, disparity, offset) for offset in ((0, 1), (0, 2), (1, 0), (2, 0))}
+    found = estimate_disparity(texture.astype(np.float32), beside, limits)[6:-6, 6:-6]
+    assert abs(np.median(found) - disparity) < 0.02
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 20), (20, 1), (2, 2), (3, 7)])
+def test_views_of_any_size(shape):
+    noise = np.random.default_rng(0).random((5, *shape), np.float32)
+    found = estimate_disparity(noise[0], dict(zip(OFFSETS, noise[1:], strict=True)), Range(-2, 2))
+    assert found.shape == shape
+    assert np.isfinite(found).all()
 
 
 def test_two_depths_are_told_apart():

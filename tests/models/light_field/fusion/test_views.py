@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from ciir.models.light_field.finishing import Finishing
+from ciir.models.light_field.fusion import views as fusion_views
 from ciir.models.light_field.fusion.views import (
     MOST_PIXELS,
     FusingUpscaler,
@@ -85,6 +86,58 @@ def test_each_view_is_upscaled_once_and_no_result_depends_on_the_others(cores):
         assert sorted(alone.made) == list_block(view, GRID)
 
 
+@pytest.mark.parametrize(
+    "order", [lambda v, u: (v, u), lambda v, u: (-v, u), lambda v, u: (u, v), lambda v, u: (u, -v)]
+)
+def test_rows_and_columns_in_either_direction_are_upscaled_once(order):
+    views, upscale = make_views((7, 7)), Upscaling()
+    fusing = make_upscaler(upscale, views, (7, 7))
+    for view in sorted(views, key=lambda view: order(*view)):
+        fusing({}, [view])
+    assert len(upscale.made) == 49
+
+
+def test_windows_of_every_second_view():
+    views = make_views((11, 10))
+    every, _ = make_upscaler(Upscaling(), views, (11, 10), 2)(views, list(views))
+    for view in ((0, 0), (5, 6), (10, 9)):
+        upscale = Upscaling()
+        (alone,), (finishing,) = make_upscaler(upscale, views, (11, 10), 2)({}, [view])
+        assert np.array_equal(alone, every[list(views).index(view)])
+        assert finishing.is_fused
+
+
+def test_disparities_are_those_of_windows(monkeypatch):
+    seen = []
+    estimate = fusion_views.estimate_disparity
+    monkeypatch.setattr(
+        fusion_views,
+        "estimate_disparity",
+        lambda own, beside, limits: seen.append(limits) or estimate(own, beside, limits),
+    )
+    for stride in (1, 2):
+        make_upscaler(Upscaling(), make_views((11, 10)), (11, 10), stride)({}, [(5, 5)])
+    assert seen == [Range(-0.5, 0.5), Range(-0.25, 0.25)]
+
+
+def test_little_contrast_is_treated_like_much():
+    views = make_views()
+    faint = {view: (100 + (picture.astype(int) - 100) // 10).astype(np.uint8) for view, picture in views.items()}
+    others = {
+        view: faint[view] if view == (2, 2) else np.roll(faint[view], 5 * sum(view), axis=(0, 1)) for view in faint
+    }
+    (single,), _ = Upscaling(noise=0)(others, [(2, 2)], GRID)
+    (fused,), _ = make_upscaler(Upscaling(noise=0), others)({}, [(2, 2)])  # with views that show other things
+    assert np.abs(fused.astype(int) - single).max() <= 1
+
+
+def test_views_of_one_colour_stay():
+    views = {view: np.full((16, 18, 3), 77, np.uint8) for view in make_views()}
+    (fused,), (finishing,) = make_upscaler(Upscaling(noise=0), views)({}, [(2, 2)])
+    assert np.all(fused == 77)
+    assert finishing.is_fused
+
+
 def test_views_may_be_wanted_in_any_order():
     views = make_views()
     made, _ = make_upscaler(Upscaling(), views)({}, [(4, 4), (0, 1)])
@@ -94,12 +147,12 @@ def test_views_may_be_wanted_in_any_order():
 
 
 def test_little_is_kept():
-    views = make_views((30, 5))
-    fusing = make_upscaler(Upscaling(), views, (30, 5))
+    views = make_views((30, 30))
+    fusing = make_upscaler(Upscaling(), views, (30, 30), fusion="auto")
     for row in range(30):
-        fusing({}, [(row, u) for u in range(5)])
-        assert len(fusing._made) <= 4 * 5
-        assert len(fusing._views) <= 8 * 5
+        fusing(views, [(row, u) for u in range(30)])
+        assert len(fusing._made) <= 4 * 30
+        assert len(fusing._views) <= 8 * 30
 
 
 def test_the_mean_has_less_noise():
@@ -160,6 +213,11 @@ def test_restored_views_are_closer_to_what_was_seen_than_fused_ones():
         return np.abs(means.mean(axis=2) - views[2, 2].mean(axis=2)).mean()
 
     assert measure(Finishing(sampling=sampling)) < 0.5 * measure(Finishing())
+    few_bits = make_views(dtype=np.uint16, level=1000)
+    fusing = make_upscaler(Upscaling(Finishing(sampling=sampling), noise=60), few_bits)
+    (picture,), _ = fusing({}, [(2, 2)])
+    means = picture.reshape(16, 2, 18, 2, 3).mean(axis=(1, 3))
+    assert np.abs(means.mean(axis=2) - few_bits[2, 2].mean(axis=2)).mean() < 2
     noisy = sampling._replace(noise=1 / 255)
     assert measure(Finishing(sampling=noisy)) < measure(Finishing(sampling=noisy), is_jpeg=True)
 

@@ -55,6 +55,7 @@ def test_views_come_closer_to_what_was_compressed(channels, options):
     (note,) = field.notes
     changed = (field.eia() != pictures.decode(data, name="a")).any(axis=2).mean()
     assert note.startswith(f"the array is a JPEG: {100 * changed:.0f} % of its pixels were changed, by at most ")
+    assert field.is_jpeg
     decoded = pictures.decode(data, name="a")
     assert error(field.eia(), array) < 0.9 * error(decoded, array)
     corners = [each[::9, ::7] for each in (field.eia(), decoded, array)]
@@ -228,6 +229,7 @@ def test_flat_pictures_and_small_ones_stay_exactly(quality):
         field = read(data, pixels=grid, arrangement="eia", order="given")
         assert np.array_equal(field.eia(), decoded)
         assert field.notes == ()
+        assert not field.is_jpeg
 
 
 @pytest.mark.parametrize(
@@ -250,6 +252,7 @@ def test_others_are_read_as_decoded(data, layout):
     made = data(make_array())
     field = read(made, pixels=(9, 7), order="given", **layout)
     assert not any("JPEG" in note for note in field.notes)
+    assert not field.is_jpeg
     top, left = layout.get("crop", (0, 0))[:2]
     decoded = pictures.decode(made, name="a")[top:, left:]
     if layout.get("arrangement") == "mosaic":

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.view_order.estimate import OrderEstimate
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service.pipeline.stages.view_sources import LightFieldViews
 from tests.support.inputs import CUBE
@@ -93,7 +93,8 @@ def test_always_fuses_all_views(fine):
     assert find_fusion(report) == [
         "fusion: 1 of 1 views are means with the upscaled views around them, as fusion is always"
     ]
-    assert report["plan"]["predicted_ms"] > 0
+    _, without = run(make_array(make_small(fine, MEANS), "png"), pixels=(7, 7), model="field", fusion="never")
+    assert report["plan"]["predicted_ms"] > 2 * without["plan"]["predicted_ms"]
 
 
 def test_opaque_alpha_stays(fine):
@@ -123,8 +124,44 @@ def test_where_fusion_changes_nothing_a_note_says_so(fine):
     for model in ("fast", "bicubic"):
         _, report = run(make_array(make_small(fine, MEANS), "png"), pixels=(7, 7), model=model, fusion="always")
         assert any(note.startswith(f"fusion: always changes nothing with {model}") for note in report["notes"])
-    with pytest.raises(InvalidOption, match=r"fusion: this is for pictures and .* is a mesh; leave it out"):
-        run(Bundle.from_upload("cube.off", CUBE), lenses=(8, 8), pixels=(3, 3), fusion="always")
+    array = make_array(make_small(fine, MEANS), "png")
+    assert (
+        "fusion: always changes nothing with model none"
+        in run(array, pixels=(7, 7), model="none", fusion="always")[1]["notes"]
+    )
+    cube = Bundle.from_upload("cube.off", CUBE)
+    for fusion, notes in (("always", 1), ("never", 0)):
+        _, report = run(cube, lenses=(8, 8), pixels=(3, 3), backend="raytrace", fusion=fusion)
+        assert report["notes"].count("fusion: always changes nothing with a mesh") == notes
+
+
+@pytest.mark.parametrize("shape", [(1, 9), (9, 1), (2, 3)])
+def test_tiny_views(shape):
+    views = np.random.default_rng(0).integers(0, 256, (5, 5, *shape, 3)).astype(np.uint8)
+    made, _ = run(LightField(views), model="field", fusion="always")
+    assert made[2, 2].shape == (2 * shape[0], 2 * shape[1], 3)
+
+
+def test_views_in_a_wrong_order_are_fused_with_their_true_neighbours(fine, monkeypatch):
+    estimate = OrderEstimate("transposed", 9, 9)
+    monkeypatch.setattr("ciir.service.pipeline.job.estimate_order", lambda _: estimate)
+    small = make_small(fine, FILTERED)
+    right = np.array([[small[v, u] for u in range(7)] for v in range(7)])
+    made, report = run(LightField(right.swapaxes(0, 1)), model="field", views="1,0;3,5")
+    wished, _ = run(LightField(right, is_ordered=True), model="field", views="0,1;5,3")
+    assert len(find_fusion(report)) == 1
+    assert np.array_equal(made[1, 0], wished[0, 1])
+    assert np.array_equal(made[3, 5], wished[5, 3])
+
+
+def test_what_is_never_fused_needs_only_its_window(fine):
+    small = {
+        view: np.concatenate([picture, np.full((*picture.shape[:2], 1), 255, np.uint8)], axis=2)
+        for view, picture in make_small(fine, FILTERED).items()
+    }
+    small[0, 0][4:8, 4:8, 3] = 0
+    _, report = run(make_zip(small), model="field", fusion="never")
+    assert report["plan"]["model"] == "field"
 
 
 def test_large_views_are_not_fused_automatically(fine, monkeypatch):
