@@ -29,6 +29,8 @@ Value = TypeVar("Value")
 
 BLOCK_SIDE = 3
 """Views along each side of the block whose mean a fused view is."""
+AT_ONCE = 4
+"""Most views that are upscaled at once, to save memory."""
 JPEG_NOISE = 3.0
 """Factor on the differences from the input that count as noise, so that little of a JPEG's errors comes back."""
 MOST_PIXELS = 100_000
@@ -89,8 +91,8 @@ class FusingUpscaler:
         self._fusion, self._is_jpeg = fusion, is_jpeg
         self._fetch, self._cores = fetch, cores
         longest = max(grid)
-        self._most_made = (BLOCK_SIDE + 1) * longest
-        self._most_views = (BLOCK_SIDE + WINDOW_SIDE * stride) * longest
+        self._most_made = BLOCK_SIDE * (longest + 2)
+        self._most_views = (BLOCK_SIDE - 1 + WINDOW_SIDE * stride) * longest
         self._views: dict[View, Pixels] = {}
         self._made: dict[View, _Made] = {}
 
@@ -126,8 +128,10 @@ class FusingUpscaler:
         absent = [view for view in list_spaced_views(missing, self._grid, self._stride) if view not in self._views]
         if absent:
             self._views.update(self._fetch(absent))
-        pictures, finished = upscale_spaced_views(self._upscale, self._views, missing, self._grid, self._stride)
-        self._made.update(zip(missing, map(_Made, pictures, finished), strict=True))
+        for first in range(0, len(missing), AT_ONCE):
+            some = missing[first : first + AT_ONCE]
+            pictures, finished = upscale_spaced_views(self._upscale, self._views, some, self._grid, self._stride)
+            self._made.update(zip(some, map(_Made, pictures, finished), strict=True))
 
     def _fuse(self, view: View, picture: Pixels) -> None:
         """Changes `picture`, the upscaled `view`, to the mean of its block. All channels change by as much as luma."""
