@@ -153,7 +153,7 @@ class FusingUpscaler:
             channel[...] = np.clip(channel + change, 0, np.iinfo(picture.dtype).max)
         sampling = finishing.sampling
         if sampling and sampling.gain:
-            unused = count_unused_bits(small)
+            unused = count_unused_bits(small, picture)  # others of its block may be brighter
             noise = sampling.noise * (JPEG_NOISE if self._is_jpeg else 1)
             raised, seen = raise_levels(picture, unused), raise_levels(small, unused)
             restored = restore_luma(raised, seen, sampling.kind, gain=sampling.gain, noise=noise)

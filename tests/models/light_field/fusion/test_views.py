@@ -131,6 +131,21 @@ def test_little_contrast_is_treated_like_much():
     assert np.abs(fused.astype(int) - single).max() <= 1
 
 
+def test_a_dark_view_of_many_bits_among_bright_ones_does_not_overflow():
+    views = {view: 16 * picture for view, picture in make_views(dtype=np.uint16, level=1000).items()}
+    views[2, 2] = views[2, 2] // 20
+    finishing = Finishing(sampling=Sampling("means", 1.0, 1.0, 0.0))
+
+    class Brighter(Upscaling):
+        def __call__(self, views, wanted, grid):
+            made, finished = super().__call__(views, wanted, grid)
+            return made + np.uint16(300), finished
+
+    (picture,), _ = make_upscaler(Brighter(finishing), views)({}, [(2, 2)])
+    own = views[2, 2].repeat(2, axis=0).repeat(2, axis=1).astype(int)
+    assert np.abs(picture - own).max() < 400
+
+
 def test_views_of_one_colour_stay():
     views = {view: np.full((16, 18, 3), 77, np.uint8) for view in make_views()}
     (fused,), (finishing,) = make_upscaler(Upscaling(noise=0), views)({}, [(2, 2)])
