@@ -37,16 +37,22 @@ class Finishing(NamedTuple):
 
     fallback: float = 0.0
     """The share of pixels that come mostly from the single-picture fallback, because confidence is low."""
-    is_averaged: bool = False
-    """Whether the view was filtered and is the mean of both networks."""
-    is_restored: bool = False
-    """Whether the view was brought closer to its input by back-projection."""
     is_fused: bool = False
     """Whether the view is a mean with the upscaled views around it (`models.light_field.fusion`)."""
     sampling: Sampling | None = None
     """How the view appears to have been sampled; None if that is unknown."""
     disparities: Range = Range(0.0, 0.0)
     """The range of its disparities, LR pixels from one view of its window to the next."""
+
+    @property
+    def is_averaged(self) -> bool:
+        """Whether the view was filtered and is the mean of both networks."""
+        return self.sampling is not None and self.sampling.kind == "filter"
+
+    @property
+    def is_restored(self) -> bool:
+        """Whether the view was brought closer to its input by back-projection."""
+        return self.sampling is not None and self.sampling.gain > 0
 
 
 def finish_view(
@@ -72,13 +78,12 @@ def finish_view(
     if np.mean(weight) <= MINIMUM_FALLBACK_SHARE:
         weight[:] = 0
     share = float(np.mean(weight > 0.5))
-    is_filtered = sampling is not None and sampling.kind == "filter"
-    if sampling and is_filtered:
+    finishing = Finishing(share, sampling=sampling, disparities=disparities)
+    if sampling and finishing.is_averaged:
         most = SURROUNDED if is_surrounded else MOST
         np.maximum(weight, np.float32(most * sampling.likeness), out=weight)
     if weight.any():
         blend_pictures(picture, upscale_alone(), weight)
-    if sampling and sampling.gain:
+    if sampling and finishing.is_restored:
         picture[...] = restore_luma(picture, small, sampling.kind, gain=sampling.gain, noise=sampling.noise)
-    is_restored = sampling is not None and sampling.gain > 0
-    return Finishing(share, is_filtered, is_restored, sampling=sampling, disparities=disparities)
+    return finishing

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.models.light_field.fusion.warping import warp_picture
+from ciir.models.light_field.fusion.warping import pad_edges, warp_picture
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -46,18 +46,15 @@ def estimate_disparity(own: Plane, beside: Mapping[View, Plane], limits: Range) 
     column, by offset (down, right), of which one is 0. `limits`: the smallest and the largest disparity. Returns
     `(H, W)`.
     """
-    from scipy import ndimage  # imported here because most jobs don't need it
-
-    disparity = ndimage.median_filter(_sweep(own, beside, limits), PATCH, mode="nearest")
+    disparity = _remove_outliers(_sweep(own, beside, limits))
     for _ in range(ROUNDS):
         disparity += _find_step(own, beside, disparity)
-    result: Plane = ndimage.median_filter(disparity, 3, mode="nearest")
-    return result
+    return _remove_outliers(disparity)
 
 
 def _sweep(own: Plane, beside: Mapping[View, Plane], limits: Range) -> Plane:
     """Returns the disparity of the plane at which the views differ least."""
-    from scipy import ndimage
+    from scipy import ndimage  # imported here because most jobs don't need it
 
     count = min(MOST_PLANES, max(2, math.ceil((limits.highest - limits.lowest) / STEP) + 1))
     planes = np.linspace(limits.lowest, limits.highest, count)
@@ -104,8 +101,8 @@ def _find_step(own: Plane, beside: Mapping[View, Plane], disparity: Plane) -> Pl
 
     along, squares = np.zeros_like(own), np.zeros_like(own)
     for (down, right), luma in beside.items():
-        moved = warp_picture(luma, disparity * down if down else None, disparity * right if right else None)
         axis = 0 if down else 1
+        moved = warp_picture(pad_edges(luma, axis), disparity * np.float32(down or right), axis)
         slope = np.gradient(moved, axis=axis) if moved.shape[axis] > 1 else np.zeros_like(moved)
         slope *= down or right
         difference = own - moved
@@ -119,3 +116,12 @@ def _find_step(own: Plane, beside: Mapping[View, Plane], disparity: Plane) -> Pl
     along /= squares
     step: Plane = np.clip(along, -FARTHEST, FARTHEST, out=along)
     return step
+
+
+def _remove_outliers(plane: Plane) -> Plane:
+    """Returns the median of each pixel and those beside it, along each axis in turn."""
+    for axis in (0, 1):
+        padded = np.pad(plane, [(1, 1) if side == axis else (0, 0) for side in range(2)], mode="edge")
+        before, own, after = (padded.take(range(k, k + plane.shape[axis]), axis) for k in range(3))
+        plane = np.maximum(np.minimum(before, own), np.minimum(np.maximum(before, own), after))
+    return plane

@@ -6,17 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.models.light_field.fusion.warping import warp_picture
+from ciir.models.light_field.fusion.warping import pad_edges, warp_picture
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from ciir.models.light_field.disparities.shifts import Plane
-    from ciir.models.light_field.windows import View
 
 DEVIATION = 0.18
 """Difference, as the root of its mean square over a patch, at which a view's weight is 1/e, in units of contrast."""
-OWN_WEIGHT = np.float32(2)
+OWN_WEIGHT = np.float32(1.5)
 """Weight of the view itself; that of another one is at most 1."""
 PATCH = 5
 """Side of that patch, in pixels of the upscaled views."""
@@ -29,9 +28,9 @@ STRIP_ROWS = 64
 """Rows that are processed at once, so that they stay in the processor's cache."""
 
 
-def fuse_lumas(own: Plane, around: Mapping[View, Plane], disparity: Plane) -> Plane:
-    """Returns the mean of `own` and the views `around` it, by offset (down, right): luma in units of the view's
-    contrast, `(k*H, k*W)`.
+def fuse_lumas(own: Plane, beside: Mapping[int, Plane], disparity: Plane, axis: int) -> Plane:
+    """Returns the mean of `own` and the views `beside` it in its column (`axis` 0) or row (1), by offset: luma in units
+    of the view's contrast, `(k*H, k*W)`.
 
     `disparity`: by how many pixels of `(H, W)` content moves towards larger coordinates from one view to the next. A
     view that shows other content at a pixel, because something hides it there, hardly counts: its weight falls with the
@@ -43,13 +42,14 @@ def fuse_lumas(own: Plane, around: Mapping[View, Plane], disparity: Plane) -> Pl
     scale = len(own) // len(disparity)
     moved = scale * enlarge(disparity, scale)
     result = np.empty_like(own)
+    padded = {offset: pad_edges(luma, axis) for offset, luma in beside.items()}
     for top in range(0, len(own), STRIP_ROWS):
         first = max(0, top - MARGIN)
         some = slice(first, top + STRIP_ROWS + MARGIN)
         here, by = own[some], moved[some]
         total, weights = OWN_WEIGHT * here, np.full_like(here, OWN_WEIGHT)
-        for (down, right), luma in around.items():
-            warped = warp_picture(luma, by * down if down else None, by * right if right else None, first_row=first)
+        for offset, luma in padded.items():
+            warped = warp_picture(luma, by * np.float32(offset), axis, first_row=first)
             difference = here - warped
             even = ndimage.uniform_filter(difference, AROUND, mode="nearest")
             warped += even

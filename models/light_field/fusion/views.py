@@ -17,9 +17,11 @@ from ciir.models.light_field.windows import WINDOW_SIDE
 from ciir.models.parallel import run_each
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from ciir.models.light_field.disparities.shifts import Pixels
+    from numpy.typing import NDArray
+
+    from ciir.models.light_field.disparities.shifts import Pixels, Plane
     from ciir.models.light_field.finishing import Finishing
     from ciir.models.light_field.fusion import Fusion
     from ciir.models.light_field.strides import UpscaleViews
@@ -29,19 +31,29 @@ Value = TypeVar("Value")
 
 BLOCK_SIDE = 3
 """Views along each side of the block whose mean a fused view is."""
-AT_ONCE = 4
+AT_ONCE = 1
 """Most views that are upscaled at once, to save memory."""
 JPEG_NOISE = 3.0
 """Factor on the differences from the input that count as noise, so that little of a JPEG's errors comes back."""
+LEVELS = 2**16 - 1
 MOST_PIXELS = 100_000
 """Largest views, in pixels, that `auto` fuses. A single one of that size takes 1.5 seconds more on two cores."""
 
 
-class _Made(NamedTuple):
+class _Upscaled(NamedTuple):
     """An upscaled view."""
 
     picture: Pixels
     finishing: Finishing
+
+
+class _Row(NamedTuple):
+    """The mean of a view and those beside it in its row."""
+
+    luma: NDArray[np.uint16]
+    """`(scale*H, scale*W)`, as large a share of the 16-bit range as the view's is of its own."""
+    disparity: Plane
+    """That of the view, `(H, W)`."""
 
 
 def explain_no_fusion(pixels: int, stride: int) -> str:
@@ -51,26 +63,38 @@ def explain_no_fusion(pixels: int, stride: int) -> str:
     return "content moves little from view to view, so neighbours have much the same errors" if stride > 1 else ""
 
 
-def list_block(view: View, grid: tuple[int, int]) -> list[View]:
-    """Lists the 3x3 views around `view` in a grid of `grid` views, and `view` itself, row by row. At the border of the
-    grid the block is moved inwards.
+def list_line(view: View, grid: tuple[int, int], axis: int) -> list[View]:
+    """Lists `view` and the two beside it in its column (`axis` 0) or row (1), in a grid of `grid` views. At the border
+    of the grid they lie on one side of it.
     """
-    firsts = (max(0, min(place - BLOCK_SIDE // 2, count - BLOCK_SIDE)) for place, count in zip(view, grid, strict=True))
-    rows, cols = (range(first, min(first + BLOCK_SIDE, count)) for first, count in zip(firsts, grid, strict=True))
-    return [(v, u) for v in rows for u in cols]
+    first = max(0, min(view[axis] - BLOCK_SIDE // 2, grid[axis] - BLOCK_SIDE))
+    places = range(first, min(first + BLOCK_SIDE, grid[axis]))
+    return [(place, view[1]) if axis == 0 else (view[0], place) for place in places]
+
+
+def list_cross(view: View, grid: tuple[int, int]) -> list[View]:
+    """Lists the views of the lines through `view` along both axes, each once."""
+    return sorted({*list_line(view, grid, 0), *list_line(view, grid, 1)})
+
+
+def list_block(view: View, grid: tuple[int, int]) -> list[View]:
+    """Lists the 3x3 views around `view`, and `view` itself, row by row; at the border as `list_line` does."""
+    return [other for row in list_line(view, grid, 0) for other in list_line(row, grid, 1)]
 
 
 def list_fused_views(wanted: Sequence[View], grid: tuple[int, int], stride: int) -> list[View]:
     """Lists every view that `FusingUpscaler` may need for `wanted`, row by row and each once."""
     blocks = sorted({other for view in wanted for other in list_block(view, grid)})
-    return list_spaced_views(blocks, grid, stride)
+    crosses = (other for view in wanted for row in list_line(view, grid, 0) for other in list_cross(row, grid))
+    return sorted({*list_spaced_views(blocks, grid, stride), *crosses})
 
 
 class FusingUpscaler:
     """Upscales views of a grid, and replaces some of them by the means of their blocks' upscaled views.
 
-    A view's result doesn't depend on which others are wanted. The latest views are kept, so that each is upscaled once
-    if views are wanted row by row, or column by column.
+    The mean of a block is taken in two steps: first of each of its rows, in the column of the wanted view, then of
+    these means. Neighbouring blocks share rows. A view's result doesn't depend on which others are wanted. The latest
+    views and means of rows are kept, so that each is made once if views are wanted row by row, or column by column.
     """
 
     def __init__(
@@ -91,67 +115,93 @@ class FusingUpscaler:
         self._fusion, self._is_jpeg = fusion, is_jpeg
         self._fetch, self._cores = fetch, cores
         longest = max(grid)
-        self._most_made = BLOCK_SIDE * (longest + 2)
+        self._most_upscaled = BLOCK_SIDE * (longest + 2)
         self._most_views = (BLOCK_SIDE - 1 + WINDOW_SIDE * stride) * longest
         self._views: dict[View, Pixels] = {}
-        self._made: dict[View, _Made] = {}
+        self._upscaled: dict[View, _Upscaled] = {}
+        self._rows: dict[View, _Row] = {}
 
     def __call__(self, views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, list[Finishing]]:
         """Upscales the views `wanted`, as `models.light_field.views.upscale_views` does."""
         if self._fusion == "never":
             return upscale_spaced_views(self._upscale, views, wanted, self._grid, self._stride)
         _refresh(self._views, views)
-        self._make(wanted)
-        finished = [self._made[view].finishing for view in wanted]
+        self._upscale_views(wanted)
+        finished = [self._upscaled[view].finishing for view in wanted]
         numbers = [number for number, finishing in enumerate(finished) if self._is_fused(finishing)]
-        self._make(sorted({other for number in numbers for other in list_block(wanted[number], self._grid)}))
-        result: Any = np.stack([self._made[view].picture for view in wanted])
+        self._fuse_rows({other for number in numbers for other in list_line(wanted[number], self._grid, 0)})
+        result: Any = np.stack([self._upscaled[view].picture for view in wanted])
 
         def fuse(number: int) -> None:
             self._fuse(wanted[number], result[number])
             finished[number] = finished[number]._replace(is_fused=True)
 
-        run_each(fuse, numbers, min(self._cores, max(1, len(numbers))))
-        _shorten(self._made, self._most_made)
+        self._run_each(fuse, numbers)
+        _shorten(self._upscaled, self._most_upscaled)
+        _shorten(self._rows, self._most_upscaled)
         _shorten(self._views, self._most_views)
         return result, finished
 
     def _is_fused(self, finishing: Finishing) -> bool:
         return self._fusion == "always" or self._is_jpeg or finishing.is_averaged
 
-    def _make(self, wanted: Sequence[View]) -> None:
+    def _run_each(self, work: Callable[[Value], object], items: Sequence[Value]) -> None:
+        run_each(work, items, min(self._cores, max(1, len(items))))
+
+    def _fetch_missing(self, views: Iterable[View]) -> None:
+        """Fetches those of `views` that are not kept."""
+        if missing := sorted(set(views) - self._views.keys()):
+            self._views.update(self._fetch(missing))
+
+    def _upscale_views(self, wanted: Iterable[View]) -> None:
         """Upscales those of `wanted` that are not kept."""
-        missing = [view for view in wanted if view not in self._made]
-        _refresh(self._made, {view: self._made[view] for view in wanted if view in self._made})
+        missing = _refresh_kept(self._upscaled, wanted)
         if not missing:
             return
-        absent = [view for view in list_spaced_views(missing, self._grid, self._stride) if view not in self._views]
-        if absent:
-            self._views.update(self._fetch(absent))
+        self._fetch_missing(list_spaced_views(missing, self._grid, self._stride))
         for first in range(0, len(missing), AT_ONCE):
             some = missing[first : first + AT_ONCE]
             pictures, finished = upscale_spaced_views(self._upscale, self._views, some, self._grid, self._stride)
-            self._made.update(zip(some, map(_Made, pictures, finished), strict=True))
+            self._upscaled.update(zip(some, map(_Upscaled, pictures, finished), strict=True))
+
+    def _fuse_rows(self, wanted: Iterable[View]) -> None:
+        """Takes the mean of each of `wanted` and those beside it in its row, unless it is kept."""
+        missing = _refresh_kept(self._rows, wanted)
+        self._upscale_views({other for view in missing for other in list_line(view, self._grid, 1)})
+        self._fetch_missing(other for view in missing for other in list_cross(view, self._grid))
+        self._run_each(self._fuse_row, missing)
+
+    def _fuse_row(self, view: View) -> None:
+        small, (picture, finishing) = self._views[view], self._upscaled[view]
+        contrast = _measure_contrast(small)
+        disparity = estimate_disparity(
+            compute_luma(small, contrast),
+            {
+                (v - view[0], u - view[1]): compute_luma(self._views[v, u], contrast)
+                for v, u in list_cross(view, self._grid)
+                if (v, u) != view
+            },
+            Range(*(limit / self._stride for limit in finishing.disparities)),
+        )
+        beside = {
+            u - view[1]: compute_luma(self._upscaled[v, u].picture, contrast)
+            for v, u in list_line(view, self._grid, 1)
+            if u != view[1]
+        }
+        fused = fuse_lumas(compute_luma(picture, contrast), beside, disparity, 1)
+        fused *= np.float32(contrast * _count_levels(picture))
+        self._rows[view] = _Row(np.rint(fused).clip(0, LEVELS).astype(np.uint16), disparity)
 
     def _fuse(self, view: View, picture: Pixels) -> None:
         """Changes `picture`, the upscaled `view`, to the mean of its block. All channels change by as much as luma."""
-        finishing = self._made[view].finishing
-        others = {(v - view[0], u - view[1]): (v, u) for v, u in list_block(view, self._grid) if (v, u) != view}
-        small = self._views[view]
-        contrast = float(np.sqrt(np.mean(np.square(measure_contrast(compute_luma(small, 1))))))
-        if not contrast:
-            return
-        own = compute_luma(picture, contrast)
-        disparity = estimate_disparity(
-            compute_luma(small, contrast),
-            {offset: compute_luma(self._views[other], contrast) for offset, other in others.items() if 0 in offset},
-            Range(*(limit / self._stride for limit in finishing.disparities)),
-        )
-        around = {offset: compute_luma(self._made[other].picture, contrast) for offset, other in others.items()}
-        change = np.rint((fuse_lumas(own, around, disparity) - own) * np.float32(contrast)).astype(np.int32)
+        small, sampling = self._views[view], self._upscaled[view].finishing.sampling
+        contrast = _measure_contrast(small)
+        unit = np.float32(1 / (contrast * _count_levels(picture)))
+        column = {v - view[0]: self._rows[v, u].luma * unit for v, u in list_line(view, self._grid, 0)}
+        fused = fuse_lumas(column.pop(0), column, self._rows[view].disparity, 0)
+        change = np.rint(fused * np.float32(contrast) - compute_luma(picture, 1)).astype(np.int32)
         for channel in np.moveaxis(picture, -1, 0):
             channel[...] = np.clip(channel + change, 0, np.iinfo(picture.dtype).max)
-        sampling = finishing.sampling
         if sampling and sampling.gain:
             unused = count_unused_bits(small, picture)  # others of its block may be brighter
             noise = sampling.noise * (JPEG_NOISE if self._is_jpeg else 1)
@@ -160,11 +210,28 @@ class FusingUpscaler:
             picture[...] = lower_levels(restored, unused)
 
 
+def _measure_contrast(picture: Pixels) -> float:
+    """Returns the root mean square of the range of 3x3 pixels, in levels; 1 if the picture is flat."""
+    return float(np.sqrt(np.mean(np.square(measure_contrast(compute_luma(picture, 1)))))) or 1.0
+
+
+def _count_levels(picture: Pixels) -> int:
+    """Counts the 16-bit levels for each level of `picture`."""
+    return LEVELS // int(np.iinfo(picture.dtype).max)
+
+
 def _refresh(kept: dict[View, Value], latest: Mapping[View, Value]) -> None:
     """Adds the `latest` entries to `kept`, or moves them to its end."""
     for view, value in latest.items():
         kept.pop(view, None)
         kept[view] = value
+
+
+def _refresh_kept(kept: dict[View, Value], views: Iterable[View]) -> list[View]:
+    """Moves those of `views` that are in `kept` to its end, and returns the others, in order."""
+    ordered = sorted(set(views))
+    _refresh(kept, {view: kept[view] for view in ordered if view in kept})
+    return [view for view in ordered if view not in kept]
 
 
 def _shorten(kept: dict[View, Value], most: int) -> None:

@@ -1,4 +1,4 @@
-"""Warps pictures: moves the content of each pixel by its own distance."""
+"""Warps pictures: moves the content of each pixel along one axis by its own distance."""
 
 from __future__ import annotations
 
@@ -9,54 +9,60 @@ import numpy as np
 from ciir.models.single.interpolation import KEYS_A
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from ciir.models.light_field.disparities.shifts import Plane
 
 TAPS = (-1, 0, 1, 2)
 """Pixels that cubic convolution combines, relative to the one before the place."""
+EDGE = 3
+"""Pixels that are added on each side, so that all taps of a place just beyond the border exist."""
 
 
-def warp_picture(picture: Plane, down: Plane | None, right: Plane | None, *, first_row: int = 0) -> Plane:
-    """Returns `picture` `(H, W)` at the pixels of some of its rows, from `first_row` on, each moved by `down` and
-    `right` pixels, `(h, W)`, by cubic convolution (Keys, IEEE TASSP 29(6), 1981). None: nothing moves along that axis.
-    Beyond the border its edge pixels are repeated.
+def pad_edges(picture: Plane, axis: int) -> Plane:
+    """Returns `picture` `(H, W)` with its edge pixels repeated along `axis`, as `warp_picture` needs it."""
+    return np.pad(picture, [(EDGE, EDGE) if side == axis else (0, 0) for side in range(2)], mode="edge")
+
+
+def warp_picture(padded: Plane, moved: Plane, axis: int, *, first_row: int = 0) -> Plane:
+    """Returns a picture `(H, W)` at the pixels of some of its rows, from `first_row` on, each moved along `axis` by
+    `moved` pixels, `(h, W)`, by cubic convolution (Keys, IEEE TASSP 29(6), 1981).
+
+    `padded`: the picture from `pad_edges` for the same axis. Beyond the border its edge pixels are repeated.
     """
-    height, width = picture.shape
-    shape = next(moved.shape for moved in (down, right) if moved is not None)
-    place = np.arange(first_row, first_row + shape[0], dtype=np.float32)
-    rows = _find_taps(place[:, None], down, height)
-    cols = _find_taps(np.arange(width, dtype=np.float32), right, width)
-    flat = picture.ravel()
-    result = np.zeros(shape, np.float32)
-    for row, row_weight in rows:
-        line, inner = row * width, np.zeros(shape, np.float32)
-        for col, col_weight in cols:
-            part = flat.take(line + col)
-            inner += part if col_weight is None else np.multiply(part, col_weight, out=part)
-        result += inner if row_weight is None else np.multiply(inner, row_weight, out=inner)
-    return result
-
-
-def _find_taps(place: Plane, moved: Plane | None, length: int) -> list[tuple[NDArray[np.int32], Plane | None]]:
-    """Returns the pixels along one axis that are combined, and their weights."""
-    if moved is None:
-        return [(place.astype(np.int32), None)]
-    place = np.clip(place + moved, -1, length)
+    places = np.arange(padded.shape[axis] - 2 * EDGE, dtype=np.float32)
+    place = moved + (places[first_row : first_row + len(moved), None] if axis == 0 else places)
+    np.clip(place, -1, len(places), out=place)
     before = np.floor(place)
-    weights = weigh_taps(place - before)
-    first = before.astype(np.int32)
-    return [(np.clip(first + tap, 0, length - 1), weight) for tap, weight in zip(TAPS, weights, strict=True)]
+    place -= before
+    before += 1  # so that none is negative
+    near = before.astype(np.intp)
+    width = padded.shape[1]
+    if axis == 0:
+        near *= width
+        near += np.arange(width)
+    else:
+        near += width * np.arange(first_row, first_row + len(moved))[:, None]
+    flat, step = padded.ravel(), width if axis == 0 else 1
+    parts = weigh_taps(place)
+    for tap, part in zip(TAPS, parts, strict=True):
+        np.multiply(part, flat[(EDGE - 1 + tap) * step :].take(near), out=part)
+    result, *others = parts
+    for part in others:
+        result += part
+    return result
 
 
 def weigh_taps(share: Plane) -> list[Plane]:
     """Returns the weights of `TAPS` at a place that is `share` of a pixel after the pixel before it: Keys' kernel."""
-    square = np.square(share)
-    cube = square * share
-    a = np.float32(KEYS_A)
-    return [
-        a * (cube - 2 * square + share),
-        (a + 2) * cube - (a + 3) * square + 1,
-        (2 * a + 3) * square - (a + 2) * cube - a * share,
-        a * (square - cube),
-    ]
+    rest = 1 - share
+    product = share * rest
+    product *= np.float32(KEYS_A)
+    first, last = product * rest, product * share
+    near = np.float32(KEYS_A + 2) * share
+    near -= np.float32(KEYS_A + 3)
+    near *= share
+    near *= share
+    near += 1
+    rest[...] = 1
+    for other in (first, near, last):
+        rest -= other
+    return [first, near, rest, last]

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 CUT_MS = 4e-5
 """Cost of each cell of a moved lens array, whose pictures are cut out of one rendering."""
-FUSION_MS = 1e-3
+FUSION_MS = 6e-4
 """Cost of each pixel of a view that is fused, besides the views around it."""
 UNSURE = 3.0
 """Within this factor of a bound, typical costs don't decide; this machine is measured instead."""

@@ -132,7 +132,7 @@ def test_the_fallback_is_used_where_confidence_is_low(uncertainty, expected_shar
     weight = np.clip((uncertainty - CONFIDENT) / (UNCERTAIN - CONFIDENT), 0, 1)
     own = views[1, 1].repeat(2, axis=0).repeat(2, axis=1)
     np.testing.assert_allclose(got, (1 - weight) * own + weight * 255, atol=0.51)
-    assert [finishing[:3] for finishing in finished] == [(expected_share, False, False)]
+    assert [(finishing.fallback, finishing.sampling) for finishing in finished] == [(expected_share, None)]
 
 
 class Making:

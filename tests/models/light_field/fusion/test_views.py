@@ -117,7 +117,7 @@ def test_disparities_are_those_of_windows(monkeypatch):
     )
     for stride in (1, 2):
         make_upscaler(Upscaling(), make_views((11, 10)), (11, 10), stride)({}, [(5, 5)])
-    assert seen == [Range(-0.5, 0.5), Range(-0.25, 0.25)]
+    assert seen == [Range(-0.5, 0.5)] * 3 + [Range(-0.25, 0.25)] * 3  # of the three rows of a block
 
 
 def test_little_contrast_is_treated_like_much():
@@ -166,7 +166,7 @@ def test_little_is_kept():
     fusing = make_upscaler(Upscaling(), views, (30, 30), fusion="auto")
     for row in range(30):
         fusing(views, [(row, u) for u in range(30)])
-        assert len(fusing._made) <= 4 * 30
+        assert len(fusing._upscaled) <= 4 * 30
         assert len(fusing._views) <= 8 * 30
 
 
@@ -182,8 +182,8 @@ def test_the_rule_of_auto():
     views = make_views()
     for finishing, is_jpeg, is_fused in (
         (Finishing(), False, False),
-        (Finishing(is_restored=True), False, False),
-        (Finishing(is_averaged=True), False, True),
+        (Finishing(sampling=Sampling("means", 1.0, 1.0, 0.0)), False, False),
+        (Finishing(sampling=Sampling("filter", 1.0, 0.0, 0.0)), False, True),
         (Finishing(), True, True),
     ):
         for fusion, expected in (("auto", is_fused), ("always", True), ("never", False)):
@@ -241,6 +241,26 @@ def test_fused_views_need_the_windows_of_their_blocks():
     needed = list_fused_views([(0, 0)], (9, 9), 1)
     assert needed == [(v, u) for v in range(5) for u in range(5)]
     assert set(list_fused_views([(4, 4)], (9, 9), 1)) == {(v, u) for v in range(1, 8) for u in range(1, 8)}
+
+
+@pytest.mark.parametrize("stride", [1, 2])
+@pytest.mark.parametrize("view", [(0, 0), (5, 5), (10, 3), (8, 9)])
+def test_the_listed_views_are_enough(view, stride):
+    grid, asked = (11, 10), []
+    views = make_views(grid)
+    fusing = FusingUpscaler(Upscaling(), grid, stride, fusion="always", is_jpeg=False, fetch=asked.extend, cores=1)
+    fusing({other: views[other] for other in list_fused_views([view], grid, stride)}, [view])
+    assert not asked
+
+
+def test_each_mean_of_a_row_is_taken_once(monkeypatch):
+    axes = []
+    fuse = fusion_views.fuse_lumas
+    monkeypatch.setattr(fusion_views, "fuse_lumas", lambda *args: axes.append(args[3]) or fuse(*args))
+    fusing = make_upscaler(Upscaling(), make_views())
+    for v in range(6):
+        fusing({}, [(v, u) for u in range(5)])
+    assert axes.count(0) == axes.count(1) == 30
 
 
 def test_missing_views_are_fetched_once():
