@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import os
 import subprocess
 import sys
 import tempfile
@@ -183,10 +184,11 @@ ROWS = {
 
 
 def run_command(*arguments: object) -> None:
-    """Runs `ciir reconstruct`."""
+    """Runs `ciir reconstruct`. Python keeps its compiled files, as by default."""
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "ciir", "reconstruct", *map(str, arguments), "-o", f"{folder}/view.png"]
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment)
 
 
 def make_work(views: NDArray[Any], count: int, at: View | None = None) -> Work:

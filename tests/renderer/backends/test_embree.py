@@ -186,6 +186,18 @@ def test_levels_are_those_of_the_colours_that_rays_meet():
     np.testing.assert_array_equal(prepared.cast_levels(origins, direction), (colours * 255 + 0.5).astype(np.uint8))
 
 
+def test_reverses_are_found_only_if_a_ray_meets_a_hidden_back():
+    corners = np.array([[-3.0, -3, -6], [3, -3, -6], [0, 3, -6]])
+    vertices = np.concatenate([corners, corners + [0, 0, 2]])  # both face +z
+    part = Part(vertices, np.arange(6, dtype=np.int32).reshape(2, 3), np.ones((6, 4), np.float32), hides_back=True)
+    prepared = embree.PreparedScene(Scene((part,)))
+    assert "_fronts" not in vars(prepared)
+    prepared.cast(np.zeros((1, 3)), np.array([0, 0, -1.0]))
+    assert "_fronts" not in vars(prepared)
+    prepared.cast(np.array([[0, 0, -9.0]]), np.array([0, 0, 1.0]))
+    assert "_fronts" in vars(prepared)
+
+
 def test_the_next_views_are_cast_while_one_is_used(monkeypatch):
     """Two views, each in a group of its own: the second is cast before it is asked for."""
     cast, done = embree.PreparedScene.cast_levels, []
