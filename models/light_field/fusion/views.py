@@ -126,6 +126,7 @@ class FusingUpscaler:
         if self._fusion == "never":
             return upscale_spaced_views(self._upscale, views, wanted, self._grid, self._stride)
         _refresh(self._views, views)
+        self._fetch_missing(wanted)
         self._upscale_views(wanted)
         finished = [self._upscaled[view].finishing for view in wanted]
         numbers = [number for number, finishing in enumerate(finished) if self._is_fused(finishing)]
