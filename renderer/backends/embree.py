@@ -89,7 +89,7 @@ class PreparedScene:
         self._embree = EmbreeScene()
         self._vertices = vertices
         self._mesh = TriangleMesh(self._embree, self._to_embree(vertices), self.faces)
-        # The first run commits the scene, which must not happen in several threads at once. This ray leads away from it.
+        # The first run commits the scene, which must not happen in several threads at once. This ray leads away.
         self._embree.run(np.full((1, 3), 2 * EXTENT, np.float32), np.ones((1, 3), np.float32), output=1)
 
     def _to_embree(self, points: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -25,6 +25,8 @@ COLUMN_LABELS = frozenset({"column", "col", "c", "u", "x", "s"})
 """Letters before a number that show what it counts."""
 MOST_LEFT_OUT = 3
 """The most pictures with names of another kind that are left out of a set; more than these are a set of their own."""
+MOST_MISSING = 3
+"""The most views that a square may lack to be suspected."""
 _SEPARATOR = re.compile(r"[-_.,x /]")
 
 
@@ -42,6 +44,8 @@ class Grid:
     """Pictures whose names are unlike those of the views."""
     is_filled: bool = False
     """Whether the names have one number or none, so that they may also be one row of views."""
+    missing: int = 0
+    """Views that are missing if this is the grid: it has the complete rows of a square, and other files are left."""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -71,7 +75,8 @@ def find_grids(
       numbers around them. The first one is the row, unless `first` or letters before both numbers (`x3_y4`) state
       otherwise, or only the other way fits `shape`, the rows and columns of views.
     - One number, or none, fills `shape`, or a square, row by row (`input_CamNNN`, HCI 4D Light Field Benchmark), or
-      column by column if `first` is `column`. If that leaves the number of rows open, there are several grids.
+      column by column if `first` is `column`. If that leaves the number of rows open, there are several grids. Some of
+      them have `missing` views, if these would make a square.
 
     A few pictures with other names are left out of a set that is full without them.
 
@@ -252,7 +257,22 @@ def _fill(files: Sequence[str], wish: _Wish) -> list[Grid]:
         shapes.sort(key=lambda shape: abs(shape[0] - shape[1]))
     if not shapes:
         raise InvalidOption(describe_unknown_shape(wish.name, count))
-    return [_wrap(files, *counts, by_column=wish.first == "column") for counts in dict.fromkeys(shapes)]
+    by_column = wish.first == "column"
+    whole = [_wrap(files, *counts, by_column=by_column) for counts in dict.fromkeys(shapes)]
+    return [*whole, *(_list_incomplete_squares(files, by_column=by_column) if len(whole) > 1 else [])]
+
+
+def _list_incomplete_squares(files: Sequence[str], *, by_column: bool) -> list[Grid]:
+    """Returns the complete rows of the square that `files` are if a few are missing at the end, or at the start."""
+    side = math.isqrt(len(files)) + 1
+    missing, rest = side**2 - len(files), len(files) % side
+    if missing > MOST_MISSING or side <= MOST_MISSING:
+        return []
+    shape = (side, side - 1) if by_column else (side - 1, side)
+    return [
+        replace(_wrap(some, *shape, by_column=by_column), missing=missing)
+        for some in (files[: len(files) - rest], files[rest:])
+    ]
 
 
 def describe_unknown_shape(name: str, count: int) -> str:

@@ -125,13 +125,26 @@ def _find_first(views: str, shape: tuple[int, int]) -> View:
 def _select_by_pictures(
     grids: Sequence[Grid], found: Sequence[ViewFiles], name: str, *, has_shape: bool
 ) -> tuple[Grid, ViewFiles]:
-    """Returns the grid in which the pictures certainly are a light field, else the first if `has_shape`."""
-    for grid, light_field in zip(grids, found, strict=True):
-        if estimate_order(light_field).is_certain:
-            return grid, light_field
-    if has_shape:
-        return grids[0], found[0]
-    raise InvalidOption(describe_unknown_shape(name, found[0].files.size))
+    """Returns the grid in which the pictures are a light field according to the most tiles, else the first if
+    `has_shape`.
+
+    Raises `InvalidOption` if they certainly are in no grid, or in one with `missing` views.
+    """
+    estimates = [estimate_order(light_field) for light_field in found]
+    certain = [number for number, estimate in enumerate(estimates) if estimate.is_certain]
+    if not certain:
+        if has_shape:
+            return grids[0], found[0]
+        raise InvalidOption(describe_unknown_shape(name, sum(map(len, grids[0].files))))
+    best = max(certain, key=lambda number: estimates[number].votes)
+    if grids[best].missing:
+        side, missing = max(grids[best].shape), grids[best].missing
+        raise InvalidOption(
+            f"{name}: the pictures are in order as {side}x{side} views, of which {missing} "
+            f"{'is' if missing == 1 else 'are'} missing at the start or the end; give all of them, or remove the rest "
+            "of that row"
+        )
+    return grids[best], found[best]
 
 
 def _settle_order(views: ViewFiles, grid: Grid, layout: Layout, *, is_own: bool) -> ViewFiles:

@@ -188,7 +188,7 @@ def test_levels_are_those_of_the_colours_that_rays_meet():
 
 def test_reverses_are_found_only_if_a_ray_meets_a_hidden_back():
     corners = np.array([[-3.0, -3, -6], [3, -3, -6], [0, 3, -6]])
-    vertices = np.concatenate([corners, corners + [0, 0, 2]])  # both face +z
+    vertices = np.concatenate([corners, corners + np.array([0, 0, 2])])  # both face +z
     part = Part(vertices, np.arange(6, dtype=np.int32).reshape(2, 3), np.ones((6, 4), np.float32), hides_back=True)
     prepared = embree.PreparedScene(Scene((part,)))
     assert "_fronts" not in vars(prepared)

@@ -116,6 +116,23 @@ def test_a_single_number_fills_a_square_row_by_row(first):
     assert grid.files == (tuple(files[::3]), tuple(files[1::3]), tuple(files[2::3]))
 
 
+@pytest.mark.parametrize("first", [None, "column"])
+def test_a_square_that_lacks_a_few_views_is_suspected(first):
+    files = [f"input_Cam{number:03}.png" for number in range(23)]  # a prime number: one row, or two less than 25
+    assert "not a square number" in message(files)
+    files = files[:22]
+    assert "not a square number" in message(files)  # no full grid of at least 3x3
+    files = [f"input_Cam{number:03}.png" for number in range(34)]
+    assert "not a square number" in message(files)
+    *whole, early, late = find([f"input_Cam{number:03}.png" for number in range(33)], first=first)
+    assert [grid.missing for grid in whole] == [0, 0]
+    assert (early.missing, late.missing) == (3, 3)
+    assert early.shape == late.shape == ((6, 5) if first else (5, 6))
+    assert early.files[0][0] == "input_Cam000.png"
+    assert late.files[-1][-1] == "input_Cam032.png"
+    assert all(not grid.missing for grid in find([f"input_Cam{number:03}.png" for number in range(32)]))
+
+
 def test_a_single_number_and_a_shape():
     files = [f"IMG_{number}.png" for number in range(8, 20)]
     assert [grid.shape for grid in find(files, shape=(2, 6))] == [(2, 6), (6, 2)]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
@@ -170,6 +171,21 @@ def test_names_without_rows_and_columns_fill_the_grid_that_the_pictures_show():
     assert np.array_equal(field.views, views)
     assert "the names fill columns, 2.png ends the first" in field.notes[0]
     assert np.array_equal(read(down, pixels=(3, 5), order="columns").views, views)
+
+
+@pytest.mark.parametrize("left", [slice(0, 24), slice(1, 25)])
+def test_a_square_that_lacks_views_is_not_read_as_another_grid(left):
+    flat = make_views((5, 5)).reshape(25, *make_views((5, 5)).shape[2:])[left]
+    files = {f"{100 + number}.png": encode_png(picture) for number, picture in enumerate(flat)}
+    with pytest.raises(InvalidOption, match="in order as 5x5 views, of which 1 is missing"):
+        read(files)
+
+
+def test_among_several_grids_most_tiles_decide():
+    views = make_views((4, 6))  # one less than 5x5, and as many as in 3x8
+    flat = views.reshape(24, *views.shape[2:])
+    files = {f"{100 + number}.png": encode_png(picture) for number, picture in enumerate(flat)}
+    assert np.array_equal(read(files).views, views)
 
 
 def test_a_shape_that_the_pictures_do_not_have_is_noted():
