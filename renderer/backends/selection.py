@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,11 @@ if TYPE_CHECKING:
 
 FEW_RAYS = 1 << 14
 """Up to this many rays, a view is cast whatever the scene: they take about 4 ms, and OpenGL takes 200 ms to start."""
+
+FORKED = (
+    "OpenGL was started before this process was forked, and would hang here; start processes by spawn or forkserver "
+    '(multiprocessing.get_context("spawn")), or give backend raytrace'
+)
 
 _lock = threading.Lock()
 _open: dict[str, Backend] = {}
@@ -41,7 +47,7 @@ def open_backend(name: str, *, triangles: int = 0, rays: int = 0, is_see_through
     try:
         backend = _open_once("raster")
     except BackendUnavailable as error:
-        return _open_once("raytrace"), f"raytrace: OpenGL doesn't work on this machine ({error})"
+        return _open_once("raytrace"), f"raytrace: OpenGL can't be used here ({error})"
     return backend, f"raster: {rays:,} rays a view cost more to cast than {triangles:,} triangles to draw"
 
 
@@ -55,7 +61,7 @@ def predict_backend(name: str, *, triangles: int, rays: int, is_see_through: boo
 
 def is_backend_open(name: str) -> bool:
     """Returns whether this process has already opened the backend."""
-    return name in _open
+    return name in _open and name not in _refused
 
 
 def _is_cheap_to_cast(rays: int, triangles: int) -> bool:
@@ -80,3 +86,14 @@ def _open_once(name: str) -> Backend:
         if name in _refused:
             raise BackendUnavailable(_refused[name])
         return _open[name]
+
+
+def _refuse_inherited() -> None:
+    """Refuses OpenGL in a forked process if its parent started it, because the threads that draw weren't forked."""
+    if "raster" in _open:
+        _refused["raster"] = FORKED
+    _lock.release()
+
+
+if hasattr(os, "register_at_fork"):  # not on Windows
+    os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_refuse_inherited)

@@ -1,5 +1,8 @@
 """Which backend is taken, and why."""
 
+import subprocess
+import sys
+
 import pytest
 
 from ciir.errors import BackendUnavailable, InvalidOption
@@ -55,3 +58,32 @@ def test_auto_counts_rays_and_triangles():
 def test_unknown_backend():
     with pytest.raises(InvalidOption, match="auto, raster or raytrace"):
         open_backend("vulkan")
+
+
+FORKING = """
+import os, sys
+from ciir.renderer.backends import is_backend_open, open_backend
+rays = {"triangles": 1, "rays": 1 << 20}
+assert open_backend("auto", **rays)[0].name == "raster"
+child = os.fork()
+if child:
+    _, status = os.waitpid(child, 0)
+    assert open_backend("auto", **rays)[0].name == "raster"
+    sys.exit(os.waitstatus_to_exitcode(status))
+made, reason = open_backend("auto", **rays)
+print(made.name, is_backend_open("raster"), reason, flush=True)
+try:
+    open_backend("raster")
+except Exception as error:
+    print(type(error).__name__, error, flush=True)
+os._exit(0)
+"""
+
+
+def test_opengl_is_refused_in_a_process_that_was_forked_after_its_start():
+    require_backend("raster")
+    done = subprocess.run([sys.executable, "-c", FORKING], capture_output=True, text=True, timeout=60, check=True)  # noqa: S603 - our own code
+    automatic, asked = done.stdout.splitlines()
+    assert automatic.startswith("raytrace False raytrace: ")
+    assert asked.startswith("BackendUnavailable OpenGL was started before this process was forked")
+    assert "spawn" in automatic
