@@ -28,6 +28,7 @@ ARROWS = {
     "service.cli": SERVICE | {"ciir", "service.jobs", "service.batch", "service.web", "service.demo"},
     "service.cli.commands.bench": SERVICE | {"service.cli", "benchmarks"},
     "service.cli.commands.stress": SERVICE | {"service.cli", "benchmarks"},
+    "service.cli.commands.evaluate": SERVICE | {"service.cli", "training"},
     "service.cli.commands.training": SERVICE | {"service.cli", "training"},
     "training": {"renderer", "models"},
     "benchmarks": SERVICE | {"ciir", "service.batch", "training"},

@@ -18,7 +18,7 @@ from ciir.service.pipeline.source import add_frames, draw_grid_at, open_source
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from ciir.service.pipeline.options import KindName, Options
     from ciir.service.pipeline.report import Report
@@ -79,8 +79,24 @@ def write_report(report: Report, path: str | None) -> None:
     if path is not None:
         with replacing(Path(path)) as file:
             file.write(report_json(report))
-    for note in report["notes"]:
+    print_notes(report["notes"])
+
+
+def print_notes(notes: Iterable[str]) -> None:
+    """Prints a line on standard error for each note."""
+    for note in notes:
         print(f"ciir: note: {format_message(note)}", file=sys.stderr)
+
+
+def find_folders(
+    names: Sequence[str], *, what: str = "*_LR.png and *_HR.png pairs, or of views for a light-field network"
+) -> list[Path]:
+    """Returns the folders called `names`, which hold `what`. Raises `InvalidOption` if one isn't there."""
+    folders = [Path(name) for name in names]
+    for folder in folders:
+        if not folder.is_dir():
+            raise InvalidOption(f"{folder}: no such folder; give one of {what}")
+    return folders
 
 
 @contextmanager

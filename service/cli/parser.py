@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from ciir.errors import InvalidOption
 from ciir.models.catalogue import LIGHT_FIELD_DEFAULT
-from ciir.service.cli.picture_arguments import add_batch, add_options, add_pictures
+from ciir.service.cli.picture_arguments import READING_VIEWS, add_batch, add_options, add_pictures
 from ciir.service.pipeline.options import NAMES
 
 if TYPE_CHECKING:
@@ -161,14 +161,19 @@ def _add_measurements(add_command: Callable[..., argparse.ArgumentParser]) -> No
 
 
 def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
-    command = add_command("evaluate", "measure a model's accuracy on pictures or on a light field", "training")
+    command = add_command("evaluate", "measure the accuracy of a model, or of results against their truth")
     command.add_argument(
         "words",
         nargs="*",
         metavar="MODEL FOLDER",
         help="a model that `ciir models` lists, or the .json of an exported network; then folders of *_LR.png and "
         "*_HR.png pairs, or of any pictures with --degradation. With --light-field: no folder and any number of models "
-        f"(default {LIGHT_FIELD_DEFAULT})",
+        f"(default {LIGHT_FIELD_DEFAULT}). With --truth: results",
+    )
+    command.add_argument(
+        "--truth",
+        metavar="INPUT",
+        help="compare results with this: a picture, a light field, or a disparity map (.pfm, .npy), of the same size",
     )
     command.add_argument(
         "--degradation",
@@ -191,10 +196,10 @@ def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         "--grid", metavar="KvxKu", help="use this many views in the middle of the light field (default 5x5)"
     )
     command.add_argument(
-        "--json", metavar="FILE", help="write the scores to this file; for a light field, also those of each view"
+        "--json", metavar="FILE", help="write the scores to this file, with those of each picture or view"
     )
     add_options(command, ("scale",), "upscale")
-    add_options(command, ("lenses", "pixels", "fusion"))
+    add_options(command, (*READING_VIEWS, "fusion"))
 
     command = add_command("train", "train a network from a recipe", "training")
     command.add_argument(

@@ -47,6 +47,10 @@ _GROUPS = {
 """Headings in the help -> options."""
 
 
+READING_VIEWS = tuple(name for name in (*READING, *LENSLET) if name not in ("pitch", "delta", "parallax"))
+"""The options that say how the views of a light field lie in its file."""
+
+
 def add_options(
     parser: argparse.ArgumentParser,
     names: Sequence[str],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from tqdm import tqdm
@@ -21,10 +21,12 @@ from ciir.models.single.network import SingleImageNetwork
 from ciir.models.single.pixels import upscale_pixels
 from ciir.renderer.light_field import LightField
 from ciir.renderer.view_order.motion import measure_motion
-from ciir.training.data.light_field.views import compress_array, degrade_views, read_views
+from ciir.training.data.light_field.views import compress_array, convert_views, degrade_views, read_light_field
 from ciir.training.evaluation.metrics import compute_psnr, compute_ssim, convert_to_luma
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from ciir.models.light_field.fusion import Fusion
     from ciir.models.upscaler import Upscaler
     from ciir.renderer.readers.layout import Layout
@@ -47,6 +49,8 @@ class Measured(NamedTuple):
     mean: Accuracy
     views: dict[View, tuple[float, float]]
     """(v, u) in the grid -> Y-PSNR (dB, infinite if nothing differs) and SSIM."""
+    notes: tuple[str, ...] = ()
+    """What was found while the light field was read."""
 
 
 def describe_protocol(grid: tuple[int, int] = GRID) -> str:
@@ -66,7 +70,7 @@ def measure(
 ) -> Measured:
     """Measures Y-PSNR (dB) and SSIM of the middle `grid` = (V, U) views of a light field, and their means.
 
-    `path` and `layout` are as for `training.data.light_field.views.read_views`. Each view is degraded by
+    `path` and `layout` are as for `training.data.light_field.views.read_light_field`. Each view is degraded by
     `training.data.downscale.downscale_picture` and upscaled with only the views of the grid, as by `ciir reconstruct`:
     with a single-picture fallback, in float, and corrected for the sampling that is found. A single-picture model
     upscales view by view. Unlike in BasicLFSR, LR and output are 8-bit RGB or grey, and a border of `scale` pixels is
@@ -84,7 +88,8 @@ def measure(
             f"--grid {grid[0]}x{grid[1]}: {network.name} takes {MINIMUM_GRID}x{MINIMUM_GRID} views or more; give "
             "those, or another model"
         )
-    low, high = degrade_views(read_views(path, grid=grid, layout=layout, keeps_grey=True), degradation, network.scale)
+    field = read_light_field(path, grid=grid, layout=layout)
+    low, high = degrade_views(convert_views(field.views, keeps_grey=True), degradation, network.scale)
     array = LightField(low) if jpeg is None else compress_array(low, jpeg)
     views = [(v, u) for v in range(grid[0]) for u in range(grid[1])]
     given = {view: array.views[view] for view in views}
@@ -114,19 +119,25 @@ def measure(
         except ValueError as error:
             raise ValueError(f"{path}: {error}; name larger views") from error
         scores[view] = (float(compute_psnr(got, truth, border=network.scale)), float(ssim))
-    psnr, ssim = np.mean(list(scores.values()), axis=0)
     kind = degradation if jpeg is None else f"{degradation}, JPEG {jpeg}"
     name = f"{path.resolve().name} {grid[0]}x{grid[1]} ({kind})"
-    return Measured(Accuracy(name, len(views), round(float(psnr), 4), round(float(ssim), 5)), scores)
+    return Measured(average(name, scores), scores, field.notes)
+
+
+def average(name: str, scores: Mapping[Any, tuple[float, float]]) -> Accuracy:
+    """Returns the means of PSNR and SSIM, as those of `name`."""
+    psnr, ssim = np.mean(list(scores.values()), axis=0)
+    return Accuracy(name, len(scores), round(float(psnr), 4), round(float(ssim), 5))
 
 
 def load_network(model: str, scale: int) -> Upscaler | LightFieldNetwork:
     """Loads a model by its name in the catalogue, or an exported network by the path of its card.
 
-    int8 is emulated if the processor doesn't support it.
+    `auto` is the default for light fields. int8 is emulated if the processor doesn't support it.
 
     Raises `ciir.errors.ModelError` if there is no such model, or it doesn't upscale by `scale`.
     """
+    model = catalogue.light_field_default_name() if model == "auto" else model
     if model.endswith(".json"):
         path = Path(model)
         card = cards.read_card(path)

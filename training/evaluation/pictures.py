@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from tqdm import tqdm
 
 from ciir.errors import UnsuitedModel, UnsupportedScale
+from ciir.models import catalogue
 from ciir.models.cards import Accuracy, read_card
-from ciir.models.catalogue import load_upscaler
 from ciir.models.single.network import SingleImageNetwork
 from ciir.models.single.pixels import upscale_pixels
 from ciir.training.data import pictures
@@ -37,8 +37,21 @@ def describe_protocol(degradation: str = "") -> str:
     return PROTOCOL.replace(supplied, f"{degradation}, to 8 bits") if degradation else PROTOCOL
 
 
+class Measured(NamedTuple):
+    """Scores of a model on the pictures of a folder."""
+
+    mean: Accuracy
+    pictures: dict[str, tuple[float, float]]
+    """Name of the HR file -> Y-PSNR (dB, infinite if nothing differs) and SSIM."""
+
+
 def score(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accuracy:
-    """Returns the mean Y-PSNR and SSIM over the pictures of `folder`, named after it. See `PROTOCOL`.
+    """Returns the means of `measure`, and raises the same errors."""
+    return measure(upscaler, folder, degradation=degradation).mean
+
+
+def measure(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Measured:
+    """Returns Y-PSNR and SSIM of each picture of `folder`, and their means, named after it. See `PROTOCOL`.
 
     Without a `degradation` the mean is over the folder's `*_LR.png` and `*_HR.png` pairs. With `bicubic`, `box` or
     `point` it is over its `*_HR.png`, or if there are none over all its pictures (see
@@ -48,7 +61,7 @@ def score(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accurac
     Raises `ValueError` if there is no pair or picture, one can't be read or is too small to be scored, or an HR
     picture is missing or not `scale` times as large as its LR.
     """
-    psnrs, ssims = [], []
+    scores = {}
     for file, low, high in _degrade_pairs(folder, degradation, upscaler.scale) if degradation else _read_pairs(folder):
         picture = upscale_pixels(upscaler, low[np.newaxis])[0]
         if picture.shape != high.shape:
@@ -57,28 +70,30 @@ def score(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accurac
                 f"{picture.shape[0]}x{picture.shape[1]} from its LR; name a folder of pairs at scale {upscaler.scale}"
             )
         got, truth = convert_to_luma(picture), convert_to_luma(high)
-        psnrs.append(compute_psnr(got, truth, border=upscaler.scale))
         try:
-            ssims.append(compute_ssim(got, truth, border=upscaler.scale))
+            ssim = compute_ssim(got, truth, border=upscaler.scale)
         except ValueError as error:
             raise ValueError(f"{file}: {error}; remove it from the folder") from error
+        scores[file.name] = compute_psnr(got, truth, border=upscaler.scale), ssim
     name = folder.resolve().name  # that of `.` is empty
     data = f"{name} ({degradation})" if degradation else name
-    return Accuracy(data, len(psnrs), round(float(np.mean(psnrs)), 4), round(float(np.mean(ssims)), 5))
+    psnr, ssim = np.mean(list(scores.values()), axis=0)
+    return Measured(Accuracy(data, len(scores), round(float(psnr), 4), round(float(ssim), 5)), scores)
 
 
-def evaluate(model: str, folder: Path, *, scale: int = 2, degradation: str = "") -> Accuracy:
-    """Scores a model that is named as for `load_model`. Raises the errors of `load_model` and `score`."""
-    return score(load_model(model, scale=scale), folder, degradation=degradation)
+def evaluate(model: str, folder: Path, *, scale: int = 2, degradation: str = "") -> Measured:
+    """Measures a model that is named as for `load_model`. Raises the errors of `load_model` and `measure`."""
+    return measure(load_model(model, scale=scale), folder, degradation=degradation)
 
 
 def load_model(model: str, *, scale: int = 2) -> Upscaler:
     """Loads a model by its name in the catalogue, or an exported network by the path of its card.
 
-    int8 is emulated if the processor doesn't support it.
+    `auto` is the default. int8 is emulated if the processor doesn't support it.
 
     Raises `ciir.errors.ModelError` if there is no such model, it doesn't upscale by `scale`, or it is for light fields.
     """
+    model = catalogue.default_name() if model == "auto" else model
     if model.endswith(".json"):
         card = read_card(Path(model))
         if card.is_light_field:
@@ -86,7 +101,7 @@ def load_model(model: str, *, scale: int = 2) -> Upscaler:
         if card.scale != scale:
             raise UnsupportedScale(f"scale: {card.name} upscales by {card.scale}, not {scale}; give that")
         return SingleImageNetwork(Path(model), emulates_int8=True)
-    return load_upscaler(model, scale=scale, emulates_int8=True)
+    return catalogue.load_upscaler(model, scale=scale, emulates_int8=True)
 
 
 def _read_pairs(folder: Path) -> Iterator[tuple[Path, Picture, Picture]]:

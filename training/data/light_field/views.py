@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,12 +32,33 @@ def read_views(
 ) -> NDArray[np.uint8]:
     """Reads the middle `grid` = (V, U) views of a light field, by default all: `(V, U, H, W, 3)`, 8-bit RGB.
 
+    `path`, `grid`, `layout`: as for `read_light_field`. `keeps_grey`: whether grey views keep their one channel;
+    otherwise they get three equal ones. 16-bit views are rounded to 8 bits. If they use fewer bits, they are first
+    scaled up to all 16.
+
+    Raises `ValueError` as `read_light_field` does.
+    """
+    return convert_views(read_light_field(path, grid=grid, layout=layout).views, keeps_grey=keeps_grey)
+
+
+def convert_views(views: NDArray[np.uint8 | np.uint16], *, keeps_grey: bool) -> NDArray[np.uint8]:
+    """Converts views of 8 or 16 bits, grey or RGB, as described at `read_views`."""
+    if views.dtype == np.uint16:
+        views = np.rint(raise_levels(views, count_unused_bits(views)) / 257)
+    channels = views.shape[4] if keeps_grey else 3
+    return np.ascontiguousarray(np.broadcast_to(views, (*views.shape[:4], channels)).astype(np.uint8))
+
+
+def read_light_field(
+    path: Path, *, grid: tuple[int, int] | None = None, layout: Layout | None = None, least: int = LEAST
+) -> LightField:
+    """Reads the middle `grid` = (V, U) views of a light field, by default all: grey or RGB, without opaque alpha.
+
     `path`: a folder or a zip of views, or any other light field that `ciir.open` reads. `layout`: how it is arranged in
-    its file, if the caller knows. `keeps_grey`: whether grey views keep their one channel; otherwise they get three
-    equal ones. 16-bit views are rounded to 8 bits. If they use fewer bits, they are first scaled up to all 16.
+    its file, if the caller knows. `least`: the smallest side of a view, in pixels.
 
     Raises `ValueError` if there is no full grid of views of one size, it is smaller than `grid`, or the views are
-    smaller than `LEAST`.
+    smaller than `least` or see-through.
     """
     if not path.exists():
         raise ValueError(f"{path}: no such folder or file; name a light field, such as a folder of views")
@@ -53,25 +75,27 @@ def read_views(
         raise ValueError(f"{path}: {message}") from error
     if not isinstance(field, LightField) or field.views.shape[:2] == (1, 1):
         raise ValueError(f"{path}: not a set of views; name a folder of pictures, one for each view, or a container")
-    views = field.views if field.is_transparent() else field.views[..., : 3 if field.views.shape[4] > 2 else 1]
-    if views.shape[4] not in (1, 3):
-        raise ValueError(f"{path}: views of {views.shape[4]} channels, not all opaque; give grey or RGB")
+    views = drop_alpha(field, path).views
     down, across = grid or views.shape[:2]
     if down > views.shape[0] or across > views.shape[1]:
         raise ValueError(
             f"{path}: {views.shape[0]}x{views.shape[1]} views; --grid {down}x{across} needs more: give a smaller grid"
         )
-    if min(views.shape[2:4]) < LEAST:
+    if min(views.shape[2:4]) < least:
         raise ValueError(
-            f"{path}: views of {views.shape[2]}x{views.shape[3]} pixels; at least {LEAST}x{LEAST} are needed: "
+            f"{path}: views of {views.shape[2]}x{views.shape[3]} pixels; at least {least}x{least} are needed: "
             "name larger views"
         )
     top, left = (views.shape[0] - down) // 2, (views.shape[1] - across) // 2
-    views = views[top : top + down, left : left + across]
-    if views.dtype == np.uint16:
-        views = np.rint(raise_levels(views, count_unused_bits(views)) / 257)
-    channels = views.shape[4] if keeps_grey else 3
-    return np.ascontiguousarray(np.broadcast_to(views, (*views.shape[:4], channels)).astype(np.uint8))
+    return replace(field, views=views[top : top + down, left : left + across])
+
+
+def drop_alpha(field: LightField, path: Path) -> LightField:
+    """Returns `field`, read from `path`, without its alpha. Raises `ValueError` if that isn't opaque."""
+    views = field.views if field.is_transparent() else field.views[..., : 3 if field.views.shape[4] > 2 else 1]
+    if views.shape[4] not in (1, 3):
+        raise ValueError(f"{path}: views of {views.shape[4]} channels, not all opaque; give grey or RGB")
+    return replace(field, views=views)
 
 
 def degrade_views(views: NDArray[np.uint8], kind: str, scale: int) -> Pair:

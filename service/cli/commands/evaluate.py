@@ -1,0 +1,168 @@
+"""`ciir evaluate`: the accuracy of models, and of results against their truth."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ciir.errors import InvalidOption
+from ciir.models.catalogue import LIGHT_FIELD_DEFAULT, list_names
+from ciir.renderer.writers.atomic_write import place_for_file, replacing
+from ciir.renderer.writers.writer import report_json
+from ciir.service.cli import common
+from ciir.service.cli.picture_arguments import READING_VIEWS
+from ciir.service.pipeline.options import Options, read_pair
+from ciir.service.pipeline.source import make_layout
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterable, Mapping
+
+    from ciir.models.cards import Accuracy
+    from ciir.renderer.views import View
+
+VIEWS, DEGRADATION = "5x5", "bicubic"
+"""The defaults for evaluating a light field, from BasicLFSR's protocol."""
+
+
+def run(args: argparse.Namespace) -> None:
+    """Runs the command."""
+    options = common.parse_options(args)
+    if args.json is not None:
+        place_for_file(Path(args.json))
+    reading = {name: given for name in READING_VIEWS if (given := getattr(options, name)) != getattr(Options, name)}
+    fusion = {} if options.fusion == Options.fusion else {"fusion": options.fusion}
+    of_models = {name: given for name in ("grid", "jpeg") if (given := getattr(args, name)) is not None} | fusion
+    if args.truth is not None:
+        _refuse(of_models | ({"degradation": args.degradation} if args.degradation else {}), "a MODEL")
+        _refuse({"light-field": args.light_field} if args.light_field else {}, "a MODEL")
+        _evaluate_results(args, options, has_layout=bool(reading))
+    elif args.light_field is not None:
+        _evaluate_views(args, options)
+    else:
+        _refuse(of_models | reading, "--light-field")
+        _evaluate_pictures(args, options)
+
+
+def _refuse(given: Mapping[str, object], partner: str) -> None:
+    for name in given:
+        raise InvalidOption(f"--{name.replace('_', '-')}: this goes with {partner}; leave it out")
+
+
+def _evaluate_pictures(args: argparse.Namespace, options: Options) -> None:
+    names = list(args.words)
+    if len(names) < 2:
+        raise InvalidOption(
+            "evaluate: give a MODEL and FOLDERs of pictures, --light-field INPUT, or --truth INPUT and RESULTs; see "
+            "ciir evaluate --help"
+        )
+    for name in names[1:]:
+        if Path(name).is_file():
+            raise InvalidOption(
+                f"{name}: a file, but a folder of pictures is needed; for a light field give --light-field {name}"
+            )
+    from ciir.training.evaluation.pictures import describe_protocol, evaluate
+
+    entries: list[dict[str, Any]] = []
+    for folder in common.find_folders(names[1:]):
+        try:
+            found = evaluate(names[0], folder, scale=options.scale, degradation=args.degradation)
+        except ValueError as error:
+            raise InvalidOption(str(error)) from error
+        each = [{"file": file, "psnr": _finite(psnr), "ssim": ssim} for file, (psnr, ssim) in found.pictures.items()]
+        _show_score(f"{names[0]} on {found.mean.data}", found.mean, "pictures")
+        entries.append(_describe_model(names[0], found.mean, args.degradation or None) | {"pictures": each})
+    _write_scores(describe_protocol(args.degradation), options.scale, entries, args.json)
+
+
+def _evaluate_views(args: argparse.Namespace, options: Options) -> None:
+    names = args.words or [LIGHT_FIELD_DEFAULT]
+    for name in names:
+        if name not in list_names() and Path(name).is_dir():
+            raise InvalidOption(
+                f"evaluate: both the folder {name!r} and --light-field {args.light_field} are given; give one of them"
+            )
+    if args.jpeg is not None and not 1 <= args.jpeg <= 100:
+        raise InvalidOption(f"--jpeg: {args.jpeg} is out of range; give 1 to 100")
+    grid, degradation = read_pair("grid", args.grid or VIEWS), args.degradation or DEGRADATION
+    from ciir.training.evaluation.light_fields import describe_protocol, load_network, measure
+
+    networks = [load_network(name, options.scale) for name in names]  # finds a misspelt name before the work starts
+    entries: list[dict[str, Any]] = []
+    notes: tuple[str, ...] = ()
+    for name, network in zip(names, networks, strict=True):
+        try:
+            found = measure(
+                network,
+                Path(args.light_field),
+                grid=grid,
+                degradation=degradation,
+                layout=make_layout(options),
+                jpeg=args.jpeg,
+                fusion=options.fusion,
+            )
+        except ValueError as error:
+            raise InvalidOption(str(error)) from error
+        _show_score(f"{name} on {found.mean.data}", found.mean, "views")
+        entries.append(_describe_model(name, found.mean, degradation) | {"views": _list_views(found.views)})
+        notes = found.notes
+    common.print_notes(notes)
+    _write_scores(describe_protocol(grid), options.scale, entries, args.json, notes)
+
+
+def _evaluate_results(args: argparse.Namespace, options: Options, *, has_layout: bool) -> None:
+    if not args.words:
+        raise InvalidOption(f"evaluate: give results to compare with --truth {args.truth}")
+    from ciir.training.evaluation.results import PROTOCOL, compare_maps, compare_views, is_map
+
+    truth, layout = Path(args.truth), make_layout(options) if has_layout else None
+    entries: list[dict[str, Any]] = []
+    notes: list[str] = []
+    for name in args.words:
+        try:
+            if is_map(truth):
+                found = compare_maps(Path(name), truth)
+                bad, mse = f"BadPix(0.07) {100 * found.bad:.2f} %", f"MSE x100 {found.mse:.3f}"
+                common.print_line(f"{name} against {args.truth}: {bad}, {mse} over {found.pixels:,} pixels")
+                scores: dict[str, Any] = {"count": found.pixels, "bad": found.bad, "mse_x100": _finite(found.mse)}
+            else:
+                views = compare_views(Path(name), truth, border=options.scale, layout=layout)
+                _show_score(f"{name} against {args.truth}", views.mean, "views")
+                scores = _describe_accuracy(views.mean) | {"views": _list_views(views.views)}
+                notes += [note for note in views.notes if note not in notes]
+        except ValueError as error:
+            raise InvalidOption(str(error)) from error
+        entries.append({"result": name, "truth": args.truth} | scores)
+    common.print_notes(notes)
+    _write_scores(PROTOCOL, options.scale, entries, args.json, notes)
+
+
+def _show_score(what: str, score: Accuracy, counted: str) -> None:
+    over = f" over {score.pictures} {counted}" if score.pictures > 1 or counted != "views" else ""
+    common.print_line(f"{what}: PSNR {score.psnr:.2f} dB, SSIM {score.ssim:.4f} on Y{over}")
+
+
+def _describe_model(model: str, score: Accuracy, degradation: str | None) -> dict[str, Any]:
+    return {"model": model, "data": score.data, "degradation": degradation} | _describe_accuracy(score)
+
+
+def _describe_accuracy(score: Accuracy) -> dict[str, Any]:
+    return {"count": score.pictures, "psnr": _finite(score.psnr), "ssim": score.ssim}
+
+
+def _list_views(scores: Mapping[View, tuple[float, float]]) -> list[dict[str, Any]]:
+    return [{"v": v, "u": u, "psnr": _finite(psnr), "ssim": ssim} for (v, u), (psnr, ssim) in scores.items()]
+
+
+def _finite(value: float) -> float | None:
+    """Returns `value`, or None for infinity and NaN, which JSON can't represent."""
+    return value if math.isfinite(value) else None
+
+
+def _write_scores(
+    protocol: str, scale: int, entries: list[dict[str, Any]], path: str | None, notes: Iterable[str] = ()
+) -> None:
+    if path is not None:
+        with replacing(Path(path)) as file:
+            file.write(report_json({"protocol": protocol, "scale": scale, "scores": entries, "notes": list(notes)}))

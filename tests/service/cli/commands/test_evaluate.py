@@ -1,0 +1,180 @@
+import json
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import ciir
+from ciir import models
+from ciir.models.cards import Accuracy
+from ciir.renderer.writers.pictures import encode
+from ciir.service.cli.main import main
+from tests.support.cli import fails
+from tests.support.inputs import make_picture
+from tests.support.light_fields import make_views, put_in, write_views
+
+
+def test_evaluate(tmp_path, capsys):
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
+    high = np.repeat(np.repeat(make_picture(20, 20), 2, 0), 2, 1)
+    (tmp_path / "a_HR.png").write_bytes(encode(high, ".png"))
+    (tmp_path / "a_LR.png").write_bytes(encode(high[::2, ::2], ".png"))
+    assert main(["evaluate", "nearest", str(tmp_path)]) == 0
+    assert "PSNR inf dB, SSIM 1.0000" in capsys.readouterr().out
+    assert main(["evaluate", "nearest", str(tmp_path), "--degradation", "box", "--json", str(tmp_path / "s.json")]) == 0
+    found = json.loads((tmp_path / "s.json").read_text())
+    assert "LR: box, to 8 bits" in found["protocol"]
+    assert (found["scores"][0]["count"], found["scores"][0]["psnr"]) == (1, None)
+    capsys.readouterr()
+    assert "no such folder" in fails(capsys, "evaluate", "nearest", tmp_path / "gone")
+    file = tmp_path / "a_HR.png"
+    assert f"{file}: a file, but a folder of pictures is needed" in fails(capsys, "evaluate", "nearest", file)
+    assert f"give --light-field {file}" in fails(capsys, "evaluate", "nearest", tmp_path, file)
+    assert "gpt" in fails(capsys, "evaluate", "gpt", tmp_path)
+    assert "_LR.png" in fails(capsys, "evaluate", "nearest", Path(__file__).parent)
+
+
+def test_evaluate_names_the_current_folder(tmp_path, capsys, monkeypatch):
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
+    (tmp_path / "a.png").write_bytes(encode(np.full((16, 16, 3), 90, np.uint8), ".png"))
+    monkeypatch.chdir(tmp_path)
+    assert main(["evaluate", "nearest", ".", "--degradation", "box"]) == 0
+    assert f"nearest on {tmp_path.name} (box): " in capsys.readouterr().out
+
+
+def test_evaluate_takes_arguments_around_options(tmp_path, capsys):
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
+    (tmp_path / "a.png").write_bytes(encode(np.full((16, 16, 3), 90, np.uint8), ".png"))
+    for argv in (
+        ["nearest", "--degradation", "box", str(tmp_path)],
+        ["--degradation", "box", "nearest", str(tmp_path)],
+    ):
+        assert main(["evaluate", *argv]) == 0
+        assert "PSNR inf dB" in capsys.readouterr().out
+
+
+def make_light_field():
+    """5x5 views of flat 2x2 cells: nearest interpolation inverts their means."""
+    small = np.random.default_rng(0).integers(0, 255, (5, 5, 16, 20, 3), np.uint8)
+    return ciir.LightField(small.repeat(2, axis=2).repeat(2, axis=3), is_ordered=True, depth_sense="cameras")
+
+
+@pytest.mark.parametrize("name", ["views", "views.zip", "lf.mat", "lf.npz", "eia.png"])
+def test_evaluate_any_light_field(tmp_path, capsys, name):
+    """Whatever holds the views, several models have a line each."""
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
+    file = tmp_path / name
+    make_light_field().save(file)
+    given = ["--light-field", str(file), "--degradation", "box", *(["--lenses", "32x40"] if "eia" in name else [])]
+    assert main(["evaluate", "nearest", "bicubic", *given]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == f"nearest on {name} 5x5 (box): PSNR inf dB, SSIM 1.0000 on Y over 25 views"
+    assert lines[1].startswith(f"bicubic on {name} 5x5 (box): PSNR ")
+    assert len(lines) == 2
+
+
+def test_evaluate_writes_json(tmp_path, capsys):
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
+    make_light_field().save(tmp_path / "lf.npz")
+    given = ["--light-field", str(tmp_path / "lf.npz"), "--grid", "3x4", "--degradation", "box"]
+    assert main(["evaluate", "nearest", "bicubic", *given, "--json", str(tmp_path / "scores.json")]) == 0
+    capsys.readouterr()
+    found = json.loads((tmp_path / "scores.json").read_text())
+    assert "central 3x4" in found["protocol"]
+    exact, other = found["scores"]
+    assert (exact["model"], exact["psnr"], exact["ssim"]) == ("nearest", None, 1)  # JSON has no infinity
+    assert (other["model"], other["data"], other["degradation"]) == ("bicubic", "lf.npz 3x4 (box)", "box")
+    assert [(view["v"], view["u"]) for view in other["views"]] == [(v, u) for v in range(3) for u in range(4)]
+    assert other["psnr"] == pytest.approx(np.mean([view["psnr"] for view in other["views"]]), abs=1e-4)
+    assert other["ssim"] == pytest.approx(np.mean([view["ssim"] for view in other["views"]]), abs=1e-5)
+
+
+def test_evaluate_a_light_field(tmp_path, capsys, monkeypatch):
+    asked = []
+
+    def measure(model, path, *, layout, **options):
+        asked.append((model, path, options))
+        if options["grid"] == (9, 9):
+            raise ValueError("knights: no view (8, 8); give a smaller grid")
+        return SimpleNamespace(mean=Accuracy("knights 5x5 (bicubic)", 25, 31.234, 0.95), views={}, notes=("n",))
+
+    stand_in = SimpleNamespace(measure=measure, load_network=lambda *model: model, describe_protocol=str)
+    monkeypatch.setitem(sys.modules, "ciir.training.evaluation.light_fields", stand_in)
+    given = ["evaluate", "--light-field", str(tmp_path)]
+    protocol = {"grid": (5, 5), "degradation": "bicubic", "jpeg": None, "fusion": "auto"}
+    assert main(given) == 0
+    printed = capsys.readouterr()
+    assert "knights 5x5 (bicubic): PSNR 31.23 dB, SSIM 0.9500 on Y over 25 views" in printed.out
+    assert printed.err == "ciir: note: n\n"
+    assert main([*given, "--grid", "3x7", "--degradation", "point", "quality"]) == 0
+    assert main(["evaluate", "quality", *given[1:], "--scale", "4"]) == 0
+    capsys.readouterr()
+    assert asked == [
+        ((models.catalogue.LIGHT_FIELD_DEFAULT, 2), tmp_path, protocol),
+        (("quality", 2), tmp_path, protocol | {"grid": (3, 7), "degradation": "point"}),
+        (("quality", 4), tmp_path, protocol),
+    ]
+    assert "no view (8, 8)" in fails(capsys, *given, "--grid", "9x9")
+
+
+def test_evaluate_through_a_jpeg_of_the_array(tmp_path, capsys):
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
+    make_light_field().save(tmp_path / "lf.npz")
+    given = ["evaluate", "nearest", "--light-field", str(tmp_path / "lf.npz"), "--degradation", "box", "--jpeg"]
+    for quality, least, most in (("95", 38, 48), ("30", 20, 38)):
+        path = tmp_path / f"{quality}.json"
+        assert main([*given, quality, "--json", str(path)]) == 0
+        (score,) = json.loads(path.read_text())["scores"]
+        assert score["data"] == f"lf.npz 5x5 (box, JPEG {quality})"
+        assert least < score["psnr"] < most
+    capsys.readouterr()
+    assert "--jpeg: 101 is out of range; give 1 to 100" in fails(capsys, *given, "101")
+    assert "--jpeg: this goes with --light-field" in fails(capsys, "evaluate", "fast", str(tmp_path), "--jpeg", "75")
+
+
+def test_evaluate_reads_as_asked_and_notes_what_it_found(tmp_path, capsys):
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
+    for name, picture in write_views(put_in("transposed", make_views((5, 5), channels=3)), "{}_{}.png".format).items():
+        (tmp_path / name).write_bytes(picture)
+    given = ["evaluate", "bicubic", "--light-field", str(tmp_path), "--json", str(tmp_path.with_suffix(".json"))]
+    assert main(given) == 0
+    printed = capsys.readouterr()
+    (note,) = json.loads(tmp_path.with_suffix(".json").read_text())["notes"]
+    assert printed.err == f"ciir: note: {note}\n"
+    assert "order: 5x5 views" in note
+    assert main([*given, "--order", "given"]) == 0
+    assert "order: 5x5" not in capsys.readouterr().err
+    assert "--order: this goes with --light-field" in fails(capsys, "evaluate", "fast", tmp_path, "--order", "given")
+
+
+def test_evaluate_the_default(tmp_path, capsys):
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
+    (tmp_path / "a.png").write_bytes(encode(np.full((16, 16, 3), 90, np.uint8), ".png"))
+    assert main(["evaluate", "auto", str(tmp_path), "--degradation", "box", "--json", str(tmp_path / "s.json")]) == 0
+    (score,) = json.loads((tmp_path / "s.json").read_text())["scores"]
+    assert [picture["file"] for picture in score["pictures"]] == ["a.png"]
+
+
+def test_evaluate_results_against_their_truth(tmp_path, capsys):
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
+    truth = make_light_field()
+    views = truth.views.copy()
+    views[1, 2] ^= 1
+    truth.save(tmp_path / "truth.npz")
+    ciir.LightField(views, is_ordered=True, depth_sense="cameras").save(tmp_path / "result.zip")
+    given = ["evaluate", "--truth", str(tmp_path / "truth.npz"), str(tmp_path / "result.zip")]
+    assert main([*given, "--json", str(tmp_path / "s.json")]) == 0
+    assert "result.zip against" in capsys.readouterr().out
+    (score,) = json.loads((tmp_path / "s.json").read_text())["scores"]
+    assert score["count"] == 25
+    assert [(each["v"], each["u"]) for each in score["views"] if each["psnr"] is not None] == [(1, 2)]
+    np.save(tmp_path / "true.npy", np.zeros((8, 9), np.float32))
+    np.save(tmp_path / "found.npy", np.full((8, 9), 0.1, np.float32))
+    assert main(["evaluate", "--truth", str(tmp_path / "true.npy"), str(tmp_path / "found.npy")]) == 0
+    assert "BadPix(0.07) 100.00 %, MSE x100 1.000 over 72 pixels" in capsys.readouterr().out
+    assert "give results" in fails(capsys, "evaluate", "--truth", tmp_path)
+    assert "--grid: this goes with a MODEL" in fails(capsys, *given, "--grid", "3x3")
+    assert "--degradation: this goes with a MODEL" in fails(capsys, *given, "--degradation", "box")
+    assert "no such folder or file" in fails(capsys, *given[:-1], tmp_path / "gone")
