@@ -42,7 +42,8 @@ class SingleWriter(Writer):
         count = len(contents.views)
         if count != 1:
             raise InvalidOption(
-                f"format: {self._picture.name} holds one view and {count} are asked for; give zip or npz, or one view"
+                f"format: {self._picture.name} holds one view and {count} are asked for; give a folder (a name without "
+                "a suffix), zip or npz, or one view"
             )
         self._picture.encode(contents.sample)
 

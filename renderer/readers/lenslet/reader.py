@@ -193,15 +193,19 @@ def _calibrate(picture: Pixels, known: Known, camera: Camera | None, name: str, 
 def _decode_frame(bundle: Bundle, key: str, picture: Pixels, which: str, has_dark: bool) -> Pixels:
     """Decodes the frame `which` of `picture`.
 
-    A white frame may have another bit depth, because only its ratios count, unless a dark one is subtracted from it.
+    A white frame may have another bit depth, because only its ratios count, unless a dark one is subtracted from it. A
+    grey frame of a picture in colour counts for all channels.
     """
     frame = pictures.decode(bundle.files[key], name=f"{which} picture", max_pixels=bundle.limits.pixels)
-    if frame.shape != picture.shape or (has_dark and frame.dtype != picture.dtype):
+    is_grey = frame.shape == (*picture.shape[:2], 1)
+    if not (is_grey or frame.shape == picture.shape) or (has_dark and frame.dtype != picture.dtype):
         given, needed = (
             f"{shown.shape[0]}x{shown.shape[1]} pixels of {shown.shape[2]} channels, {shown.dtype.itemsize * 8} bit"
             for shown in (frame, picture)
         )
         raise InvalidOption(f"{which}: the {which} picture has {given}, the raw one {needed}; give one like it")
+    if is_grey:
+        frame = frame.repeat(picture.shape[2], axis=2)
     return frame
 
 

@@ -193,6 +193,23 @@ def test_a_white_picture_may_have_other_bits():
             read(make_bundle(raw=picture, white=white, dark=picture // 50), Layout(lens_grid=KNOWN))
 
 
+def test_grey_frames_count_for_all_channels():
+    grey, dark = WHITE[..., 1:2], (np.arange(RAW.shape[1], dtype=np.uint8) % 7)[None, :, None].repeat(len(RAW), axis=0)
+    opaque = np.concatenate([RAW, np.full_like(RAW[..., :1], 255)], axis=2)
+    for picture in (RAW, opaque):
+        for frames in ({"white": grey}, {"dark": dark}, {"white": grey, "dark": dark}):
+            repeated = {name: frame.repeat(picture.shape[2], axis=2) for name, frame in frames.items()}
+            found, expected = (
+                read(make_bundle(raw=picture, **given), Layout(lens_grid=KNOWN)) for given in (frames, repeated)
+            )
+            assert np.array_equal(found.views, expected.views)
+            assert found.notes == expected.notes
+    coloured = read(make_bundle(raw=RAW, white=grey, dark=DARK), Layout(lens_grid=KNOWN))
+    assert not np.array_equal(coloured.views, read(make_bundle(raw=RAW), Layout(lens_grid=KNOWN)).views)
+    with pytest.raises(InvalidOption, match=r"white: the white picture has 150x180 pixels of 3 channels, .* of 1 chan"):
+        read(make_bundle(raw=RAW[..., :1], white=WHITE), Layout(lens_grid=KNOWN))
+
+
 def test_a_mesh_is_no_raw_picture():
     with pytest.raises(InvalidOption, match=r"lens_pitch: this is for one raw lenslet picture, and a\.off is not one"):
         read(Bundle("a.off", "a.off", {"a.off": CUBE}), Layout(lens_grid=KNOWN))
