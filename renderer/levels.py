@@ -60,11 +60,11 @@ def round_samples(
     low, high = float(picture.min()), float(picture.max())
     if not (low >= -MARGIN and high <= 1 + MARGIN):  # false for NaN, too
         found = "samples that are NaN" if np.isnan(low) else f"samples from {low:.7g} to {high:.7g}"
-        cleaned = "np.nan_to_num(array)" if np.isnan(low) else "array"
-        advice = f"such as {cleaned}.clip(0, 1), or uint8 or uint16"
         whole = picture if whole is None else whole
-        if LEVELS < whole.max() < np.inf:
-            advice = f"or uint8 or uint16, as in {advise_levels(whole)}"
+        cleaned = "np.nan_to_num(array)" if np.isnan(whole.min()) else "array"
+        advice = f"such as {cleaned}.clip(0, 1), or uint8 or uint16"
+        if find_range(whole)[1] > LEVELS:
+            advice = f"or uint8 or uint16, as in {advise_levels(whole, 'array')}"
         raise Unreadable(f"{what} has {found}; give floating-point numbers from 0 to 1, {advice}")
     rounded = np.empty(picture.shape, np.uint16)
     white = picture.dtype.type(65535) if picture.itemsize > 2 else np.float32(65535)
@@ -77,14 +77,33 @@ def advise_levels(views: Any, name: str = "views") -> str:
     levels.
 
     Resampled numbers lie a little outside their range, so floating-point ones belong to a range up to twice its end.
+    NaN becomes black, and complex numbers become their absolute values.
     """
-    if not isinstance(views, np.ndarray) or views.dtype.kind not in "iuf" or not views.size:
+    if not isinstance(views, np.ndarray) or views.dtype.kind == "b" or not views.size:
         return f"(255 * {name}).round().astype('u1')"
-    low, high = views.min(), views.max()
+    if views.dtype.kind not in "iufc":
+        return f"{name}.astype('u1')"
+    if views.dtype.kind == "c":
+        views, name = np.abs(views), f"np.abs({name})"
+    low, high = find_range(views)
+    is_finite = bool(np.isfinite(views).all())
+    if np.isnan(views.min()):
+        name = f"np.nan_to_num({name})"
     beyond = 2 if views.dtype.kind == "f" else 1
     white = 255 if high <= 255 * beyond else 65535
-    if not high > beyond:  # true for NaN, too
-        clipped = f"{name}.clip(0, 1)" if low < 0 or high > 1 else name
+    if high <= beyond:
+        clipped = name if is_finite and low >= 0 and high <= 1 else f"{name}.clip(0, 1)"
         return f"(255 * {clipped}).round().astype('u1')"
-    clipped = f"{name}.clip(0, {white})" if low < 0 or high > white else name
+    clipped = name if is_finite and low >= 0 and high <= white else f"{name}.clip(0, {white})"
     return f"{clipped}.round().astype('u{1 if white == 255 else 2}')"
+
+
+def find_range(samples: NDArray[Any]) -> tuple[float, float]:
+    """Returns the smallest and the largest of the finite numbers in `samples`, of any shape; 0 and 0 without any."""
+    finite = np.isfinite(samples)
+    if not finite.any():
+        return 0.0, 0.0
+    if finite.all():
+        return float(samples.min()), float(samples.max())
+    kept = samples[finite]
+    return float(kept.min()), float(kept.max())

@@ -367,7 +367,8 @@ def _read_container(bundle: Bundle, key: str, format_: ContainerFormat, layout: 
     if format_ is not ESLF and not {layout.pixels, layout.sequence} & {None, grid}:  # ESLF's pixels are under a lens
         raise InvalidOption(f"pixels: {name} has {grid[0]}x{grid[1]} views; leave it out")
     height, width = light_field.views.shape[2:4]
-    if format_ is not ESLF and format_.name not in VIDEOS and grid[0] > height and grid[1] > width:
+    is_other = format_ is not ESLF and format_.name not in (*VIDEOS, *ARRAYS)  # arrays get their own note
+    if is_other and grid[0] > height and grid[1] > width:
         note = (
             f"axes: {grid[0]}x{grid[1]} views of {height}x{width} pixels; if these are {height}x{width} views of "
             f"{grid[0]}x{grid[1]} pixels, save the array with the axes (V, U, H, W, C)"

@@ -74,6 +74,7 @@ class WholeWriter(Writer):
         if self._missing == 0:
             light_field = LightField(
                 self._views,
+                notes=(),
                 is_ordered=True,
                 depth_sense=self._contents.depth_sense,
                 pixel_aspect=self._contents.pixel_aspect,

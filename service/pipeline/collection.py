@@ -38,6 +38,7 @@ class _Collector(Writer):
         shape = rows, columns, contents.height, contents.width, contents.channels
         self.light_field = LightField(
             np.zeros(shape, contents.dtype),
+            notes=(),
             is_ordered=True,
             depth_sense=contents.depth_sense,
             pixel_aspect=contents.pixel_aspect,

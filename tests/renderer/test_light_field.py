@@ -104,7 +104,12 @@ def test_any_byte_order_is_taken(order: str) -> None:
         (255, np.int64, "in views.round().astype('u1')"),
         (65535, float, "in views.round().astype('u2')"),
         (70000, float, "in views.clip(0, 65535).round().astype('u2')"),
-        (np.nan, float, "(255 * views).round().astype('u1')"),
+        (np.nan, float, "in (255 * np.nan_to_num(views).clip(0, 1)).round().astype('u1')"),
+        (np.inf, float, "in (255 * views.clip(0, 1)).round().astype('u1')"),
+        (1, bool, "in (255 * views).round().astype('u1')"),
+        (1j, complex, "in (255 * np.abs(views)).round().astype('u1')"),
+        (200 + 3j, complex, "in np.abs(views).round().astype('u1')"),
+        ("12", str, "in views.astype('u1')"),
     ],
 )
 def test_the_advice_for_other_types_fits_the_numbers(most: float, kind: type, advice: str) -> None:

@@ -14,6 +14,7 @@ from ciir.renderer.readers.containers import arrays
 from ciir.renderer.readers.containers.samples import (
     NEEDED_TYPES,
     PICTURE_SIDE,
+    advise_type,
     has_axes_of_picture,
     holds_light_field,
     is_type_read,
@@ -56,7 +57,7 @@ def read(data: bytes, name: str, limits: Limits) -> tuple[Pixels, tuple[str, ...
         raise TooLarge(f"{what} {size}; give a smaller one, or uint8", "set_bytes")
     array = _read_array(data, key, what, limits)
     if not is_type_read(array.dtype):
-        raise UnsupportedType(f"{what} is of {str(array.dtype)[:40]}; give {NEEDED_TYPES}")
+        raise UnsupportedType(f"{what} is of {str(array.dtype)[:40]}; give {NEEDED_TYPES}{advise_type(array.dtype)}")
     array = array.reshape(height, width, math.prod(array.shape[2:]))
     if array.dtype.kind == "u":
         return np.ascontiguousarray(array, array.dtype.newbyteorder("=")), ()

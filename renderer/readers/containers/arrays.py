@@ -25,13 +25,13 @@ import numpy as np
 
 from ciir.errors import Unreadable, UnsupportedType
 from ciir.renderer.light_field import LightField
+from ciir.renderer.readers.containers.axes import settle_axes
 from ciir.renderer.readers.containers.samples import (
     Header,
     check_array,
     convert_samples,
     find_light_field,
     is_type_read,
-    settle_axes,
     settle_depth_sense,
 )
 from ciir.renderer.readers.names import clean_text
@@ -104,11 +104,11 @@ def read_npy(data: bytes, *, name: str, layout: Layout, limits: Limits) -> Light
 
 
 def _read_array(array: Array, stated: object, name: str, layout: Layout, limits: Limits) -> LightField:
-    """Reads five axes as they are. Four, or three of grey views, become a grid: the first axis counts the views."""
-    shape, notes = settle_axes(array.shape[:4] if array.is_grey else array.shape, layout, name)
-    check_array(name, shape, array.dtype, limits)
-    made = _make_light_field(array.read().reshape(shape), stated, name, layout)
-    return replace(made, notes=notes + made.notes)
+    """Reads five axes as they are. Views one after another, in four axes or in three of grey views, become a grid."""
+    axes = settle_axes(array.shape[:4] if array.is_grey else array.shape, layout, name)
+    check_array(name, axes.shape, array.dtype, limits, axes.advice)
+    made = _make_light_field(axes.arrange(array.read()), stated, name, layout)
+    return replace(made, notes=axes.notes + made.notes)
 
 
 def _make_light_field(views: NDArray[Any], stated: object, name: str, layout: Layout) -> LightField:
@@ -118,7 +118,7 @@ def _make_light_field(views: NDArray[Any], stated: object, name: str, layout: La
 
 
 def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
-    """Reads the array `LF`, or the only one, or the one with five axes, or the views at their positions.
+    """Reads the array `LF`, or the only one, or the one with five axes, or with four, or the views at their positions.
 
     The depth sense is the one that the report states, else that of cameras, with a note.
     """
@@ -136,7 +136,7 @@ def read_npz(data: bytes, *, name: str, layout: Layout, limits: Limits) -> Light
     key = (
         next(iter(shapes))
         if is_one
-        else find_light_field(shapes, name, "a light field LF with five axes, (V, U, H, W, C)")
+        else find_light_field(shapes, name, "a light field LF with five axes, (V, U, H, W, C), or four if it is grey")
     )
     return _read_array(arrays[key], None, f"{name}: {clean_text(key)}", layout, limits)
 

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ciir.renderer.readers.containers.axes import settle_grid
 from ciir.renderer.readers.containers.samples import (
+    LOGICAL,
     check_array,
     has_axes_of_picture,
     is_type_read,
-    settle_grid,
     show_shape,
 )
 from ciir.renderer.readers.names import clean_text
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
     from ciir.renderer.limits import Limits
     from ciir.renderer.readers.layout import Layout
 
-LOGICAL = "logical"
-"""MATLAB's class of true and false, stored as 1 and 0 of 8 bits."""
 NO_SAMPLES = np.dtype("V1")
 """The type that stands for samples that are not read."""
 _NUMBERS = (LOGICAL, "single", "double", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))

@@ -17,18 +17,20 @@ from typing import TYPE_CHECKING, Any
 
 import h5py
 
-from ciir.errors import InvalidOption, UnsupportedType
+from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
-from ciir.renderer.readers.containers.cells import LOGICAL, Cell, CellArray, Views, find_views
+from ciir.renderer.readers.containers.axes import settle_axes
+from ciir.renderer.readers.containers.cells import Cell, CellArray, Views, find_views
 from ciir.renderer.readers.containers.hdf5_data_set import DataSet, find_shape, holds_references, list_referenced
 from ciir.renderer.readers.containers.samples import (
+    LOGICAL,
     Header,
     check_array,
     convert_samples,
     find_light_field,
     holds_light_field,
     is_type_read,
-    settle_axes,
+    refuse_class,
 )
 from ciir.renderer.readers.names import clean_text
 
@@ -47,9 +49,9 @@ MOSAIC_GRID = (5, 5)
 """The grid of BasicLFSR's samples if nothing else is known."""
 WEIGHT = "the fourth channel of LF is a weight, not alpha: it is left out"
 """The note on a fourth channel."""
-NEEDED = "a light field LF with five axes, at the top or up to two structs deep"
+NEEDED = "a light field LF with five axes, or four if it is grey, at the top or up to two structs deep"
 """The required content of a MAT file of version 5, for messages."""
-_NEEDED = "a light field LF with five axes, at the top or up to two groups deep"
+_NEEDED = "a light field LF with five axes, or four if it is grey, at the top or up to two groups deep"
 LEVELS = 2
 """How many levels of groups, or of MATLAB structs, are searched for a light field."""
 _CLASS = "MATLAB_class"
@@ -62,7 +64,7 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     """Reads the light field `LF`, or else the only data set with five axes, or else a mosaic of BasicLFSR.
 
     If nothing has five axes, it reads the only data set with five in the file's groups, or else in the groups of those,
-    or else the only MATLAB cell array that holds views.
+    or else the only MATLAB cell array that holds views, or else the only data set with four axes, also in groups.
 
     Raises `Unreadable` if there is none, and `UnsupportedType` if it is not stored in the file.
     """
@@ -154,10 +156,9 @@ def read_array(data: bytes, key: str, name: str) -> NDArray[Any]:
     """Reads the data set `key`, with MATLAB's axes put in order; `name` is for messages."""
     with h5py.File(io.BytesIO(data), "r") as file:
         stored = DataSet.open(file, key, data, name)
-        kind = _find_class(stored.handle)
-        refuse_logical(kind, name)
+        _refuse_class(stored.handle, name)
         samples = stored.read()
-        return samples.T if kind or _is_matlab(data) else samples
+        return samples.T if _find_class(stored.handle) or _is_matlab(data) else samples
 
 
 def _is_light_field(file: h5py.File, key: str) -> bool:
@@ -191,11 +192,10 @@ def _find_class(found: h5py.Dataset) -> str:
     return kind.decode("latin-1") if isinstance(kind, bytes) else ""
 
 
-def refuse_logical(kind: str, name: str) -> None:
-    """Raises `UnsupportedType` for MATLAB's class `logical`, whose 1 is white and would be read as nearly black."""
-    if kind == LOGICAL:
-        variable = name.rpartition(": ")[2]
-        raise UnsupportedType(f"{name} is of class {kind}; give uint8, as in 255 * uint8({variable})")
+def _refuse_class(found: h5py.Dataset, name: str) -> None:
+    """Raises `UnsupportedType` for data of a class of MATLAB that isn't read. `name` ends with that of the variable."""
+    is_complex = found.dtype.names == ("real", "imag")
+    refuse_class(f"complex {_find_class(found)}" if is_complex else _find_class(found), name)
 
 
 def leave_out_weight(views: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]]:
@@ -204,16 +204,16 @@ def leave_out_weight(views: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]
 
 
 def _read_matlab(stored: DataSet, layout: Layout, limits: Limits) -> LightField:
-    refuse_logical(_find_class(stored.handle), _name(stored))
-    shape, arranged = settle_axes(stored.shape[::-1], layout, stored.name)
-    check_array(stored.name, shape, stored.dtype, limits)
-    samples, weighted = leave_out_weight(stored.read().T.reshape(shape))
+    _refuse_class(stored.handle, _name(stored))
+    axes = settle_axes(stored.shape[::-1], layout, stored.name)
+    check_array(stored.name, axes.shape, stored.dtype, limits, axes.advice)
+    samples, weighted = leave_out_weight(axes.arrange(stored.read().T))
     views, notes = convert_samples(samples, stored.name)
-    return LightField(views, arranged + weighted + notes, depth_sense="cameras")
+    return LightField(views, axes.notes + weighted + notes, depth_sense="cameras")
 
 
 def _read_cells(found: DataSet, views: Views, layout: Layout, limits: Limits) -> LightField:
-    refuse_logical(views.cell.kind, f"{_name(found)}{{1,1}}")
+    refuse_class(views.cell.kind, f"{_name(found)}{{1,1}}")
     key = f"a cell of {found.handle.name.lstrip('/')}"
     handles = (handle for handle in list_referenced(found.handle, found.data) if handle is not None)
     stored = (DataSet.check(handle, key, found.data, found.name) for handle in handles)
@@ -229,10 +229,10 @@ def _name(stored: DataSet) -> str:
 
 def _read_plain(stored: DataSet, layout: Layout, limits: Limits, is_hci: bool) -> LightField:
     """Reads `LF[v, u, y, x, c]`, as h5py writes an array. In files of the old HCI data set u counts from the right."""
-    shape, arranged = settle_axes(stored.shape, layout, stored.name)
-    check_array(stored.name, shape, stored.dtype, limits)
-    views, notes = convert_samples(stored.read().reshape(shape), stored.name)
-    return LightField(views[:, ::-1] if is_hci else views, arranged + notes, depth_sense="cameras")
+    axes = settle_axes(stored.shape, layout, stored.name)
+    check_array(stored.name, axes.shape, stored.dtype, limits, axes.advice)
+    views, notes = convert_samples(axes.arrange(stored.read()), stored.name)
+    return LightField(views[:, ::-1] if is_hci else views, axes.notes + notes, depth_sense="cameras")
 
 
 def _read_mosaic(stored: DataSet, layout: Layout, limits: Limits) -> LightField:

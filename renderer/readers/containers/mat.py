@@ -16,17 +16,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ciir.errors import TooLarge, Unreadable, UnsupportedType
+from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.containers import hdf5
-from ciir.renderer.readers.containers.cells import LOGICAL, NO_SAMPLES, Cell, CellArray, find_views
+from ciir.renderer.readers.containers.axes import settle_axes
+from ciir.renderer.readers.containers.cells import NO_SAMPLES, Cell, CellArray, find_views
 from ciir.renderer.readers.containers.samples import (
+    LOGICAL,
     Header,
     check_array,
     convert_samples,
     find_light_field,
     holds_light_field,
-    settle_axes,
+    refuse_class,
 )
 from ciir.renderer.readers.names import clean_text
 
@@ -75,9 +77,7 @@ class Variable:
 
     def find_type(self, name: str) -> str:
         """Returns NumPy's name of its class. Raises `UnsupportedType` if that isn't read; `name` is for messages."""
-        hdf5.refuse_logical(self.kind, name)
-        if self.kind not in _TYPES:
-            raise UnsupportedType(f"{name} is of class {self.kind}; give uint8, uint16, single or double")
+        refuse_class(self.kind, name, known=tuple(_TYPES))
         return _TYPES[self.kind]
 
     def read(self, order: str, name: str) -> NDArray[Any]:
@@ -105,7 +105,7 @@ _NO_ARRAY = Variable("", ())
 
 def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightField:
     """Reads the variable `LF`, or else the only one with five axes. If there is none, it reads the only one in structs,
-    or else the only cell array that holds views.
+    or else the only cell array that holds views, or else the only variable with four axes, also in structs.
     """
     if not data.startswith(VERSION_5):
         return hdf5.read(data, name=name, layout=layout, limits=limits)
@@ -131,9 +131,9 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
         samples, arranged = in_cells[key].read(cells, name=name, layout=layout, limits=limits)
     else:
         type_ = found.find_type(what)
-        shape, arranged = settle_axes(found.shape, layout, name)  # MATLAB drops the last axis of grey views
-        check_array(name, shape, type_, limits)
-        samples = found.read(order, what).reshape(shape)
+        axes = settle_axes(found.shape, layout, name)  # MATLAB drops the last axis of grey views
+        check_array(name, axes.shape, type_, limits, axes.advice)
+        samples, arranged = axes.arrange(found.read(order, what)), axes.notes
     samples, weighted = hdf5.leave_out_weight(samples)
     views, notes = convert_samples(samples, name)
     return LightField(views, arranged + weighted + notes, depth_sense="cameras")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
+from ciir.errors import TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.levels import ROUNDED, round_samples
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.readers.pictures import MAX_SIDE
@@ -37,6 +37,10 @@ PICTURE_SIDE = 16
 """The least pixels along each side of a picture. Smaller arrays are something else, such as the matrix of a camera."""
 NEEDED_TYPES = "uint8, uint16, or floating-point numbers from 0 to 1"
 """The sample types that are read, for messages."""
+LOGICAL = "logical"
+"""MATLAB's class of true and false, stored as 1 and 0 of 8 bits."""
+_WHOLE_NUMBERS = ("int8", "int16", "int32", "int64", "uint32", "uint64")
+"""MATLAB's classes of whole numbers that are not read."""
 TAKEN_AS_CAMERAS = (
     "depth: the file doesn't say what u and v count; they are taken as cameras from the left and from the top; if "
     "near and far are exchanged, as for pixels under a lens array, give depth_sense lenses"
@@ -54,109 +58,27 @@ def settle_depth_sense(stated: object, layout: Layout) -> tuple[DepthSense, tupl
     return "cameras", () if found == "cameras" else (TAKEN_AS_CAMERAS,)
 
 
-def settle_grid(
-    count: int,
-    layout: Layout,
-    name: str,
-    things: str,
-    stated: tuple[int, int] | None = None,
-    *,
-    advice: str = "",
-) -> tuple[tuple[int, int], tuple[str, ...]]:
-    """Returns the rows and columns of `count` views that lie one after another in a file, and notes.
-
-    They are those of `layout.pixels`, else the `stated` ones, else a square, with a note. Raises `InvalidOption` if the
-    views fill none of these. With `order` columns the views fill columns, and the grid is the transposed one. `things`
-    is what the file calls the views, and `advice` is the end of messages.
-    """
-    asked = layout.pixels
-    if asked is not None:
-        if asked[0] * asked[1] != count:
-            raise InvalidOption(
-                f"pixels: {asked[0]}x{asked[1]} asks for {asked[0] * asked[1]} views, but {name} has {count} {things}; "
-                f"give the rows and columns of views{advice}"
-            )
-        return layout.sequence or asked, ()
-    if stated is not None and stated[0] * stated[1] == count:
-        return stated, ()
-    side = math.isqrt(count)
-    if side * side != count:
-        raise InvalidOption(
-            f"{name}: {count} {things}, which is not a square number; give pixels ROWSxCOLUMNS (of views){advice}"
-        )
-    return (side, side), (
-        f"the {count} {things} are taken as {side}x{side} views, row by row; pixels gives another grid{advice}",
-    )
-
-
-def settle_axes(shape: Sequence[int], layout: Layout, name: str) -> tuple[tuple[int, ...], tuple[str, ...]]:
-    """Returns the shape of a file's array as `(V, U, H, W, C)`, and notes.
-
-    `(V, U, H, W)` gets an axis of channels. Views one after another, `(N, H, W, C)` with up to four channels or
-    `(N, H, W)`, become the grid that `settle_grid` finds, with its notes. Other shapes are returned as they are. A note
-    is added if the array may have other axes.
-
-    Raises `InvalidOption` if `layout.pixels` shows that it has.
-    """
-    shape = tuple(shape)
-    if shape[:1] > (0,) and ((len(shape) == 4 and shape[3] <= 4) or (len(shape) == 3 and shape[2] > 4)):
-        grid, notes = settle_grid(shape[0], layout, name, "views", advice=_advise_views_last(shape, layout))
-        return (*grid, *shape[1:3], *(shape[3:] or (1,))), notes
-    if len(shape) == 4:
-        return (*shape, 1), _note_colours(shape, layout, name)
-    is_reversed = len(shape) == 5 and shape[0] in (1, 3) and max(shape[3:]) <= 4 < min(shape[1:3])
-    note = "axes: {}x{} views of {}x{} pixels; if the array is (C, H, W, V, U), save array.transpose(3, 4, 1, 2, 0)"
-    return shape, (note.format(*shape),) if is_reversed else ()
-
-
-def _note_colours(shape: Sequence[int], layout: Layout, name: str) -> tuple[str, ...]:
-    """Returns a note on grey views `(V, U, H, W)` that may be `(N, 3, H, W)` or `(N, 1, H, W)`."""
-    count, channels = shape[:2]
-    if channels not in (1, 3):
-        return ()
-    colours = "3 colours" if channels == 3 else "one channel"
-    advice = f"{count}x{channels} grey views; if they are {count} views of {colours}, (N, {channels}, H, W), save "
-    advice += f"np.moveaxis(array, 1, -1), (N, H, W, {channels})"
-    if layout.pixels and count == math.prod(layout.pixels) and (count, channels) != layout.pixels:
-        raise InvalidOption(f"pixels: {name} has {advice}")
-    return (f"axes: {advice}",)
-
-
-def _advise_views_last(shape: Sequence[int], layout: Layout) -> str:
-    """Returns the end of a message on `(N, H, W)` or `(N, H, W, C)` that may be `(H, W, N)`, `(H, W, N, C)` or, with
-    views of few columns, `(H, W, V, U)`; else an empty text.
-    """
-    rows, columns, count = shape[:3]
-    if len(shape) == 4 and count <= max(4, min(rows, columns) // 4):
-        return (
-            f"; if they are {count}x{shape[3]} grey views of {rows}x{columns} pixels, (H, W, V, U), save "
-            "array.transpose(2, 3, 0, 1)"
-        )
-    asked = math.prod(layout.pixels) if layout.pixels else math.isqrt(count) ** 2
-    if asked != count or min(rows, columns) <= count:
-        return ""
-    return f"; if they are {count} views of {rows}x{columns} pixels, save np.moveaxis(array, 2, 0)"
-
-
 def holds_light_field(shapes: Mapping[str, Sequence[int]]) -> bool:
     """Returns whether one of a file's arrays has the name or the number of axes of a light field."""
     return len(shapes.get("LF", ())) in (4, 5) or any(len(shape) == 5 for shape in shapes.values())
 
 
 def find_light_field(shapes: Mapping[str, Sequence[int]], name: str, remedy: str, cells: str = "") -> str:
-    """Returns the name of the light field among a file's arrays: `LF`, or else the only one with five axes.
+    """Returns the name of the light field among a file's arrays: `LF`, or else the only one with five axes, or else the
+    only one with four.
 
     Raises `Unreadable` if there is none or there are several. The message has the `remedy` and, in `cells`, the reason
     why cell arrays hold no views.
     """
     if len(shapes.get("LF", ())) in (4, 5):
         return "LF"
-    found = [key for key, shape in shapes.items() if len(shape) == 5]
-    if len(found) == 1:
-        return found[0]
-    if found:
-        listed = ", ".join(map(clean_text, found[:5]))
-        raise Unreadable(f"{name}: {len(found)} arrays have five axes ({listed}); name the light field LF")
+    for axes, counted in ((5, "five"), (4, "four")):
+        found = [key for key, shape in shapes.items() if len(shape) == axes]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            listed = ", ".join(map(clean_text, found[:5]))
+            raise Unreadable(f"{name}: {len(found)} arrays have {counted} axes ({listed}); name the light field LF")
     shapes = {key: shape for key, shape in shapes.items() if not key.startswith("#")}  # MATLAB's own, such as #refs#
     listed = ", ".join(f"{clean_text(key)} {show_shape(shapes[key])}".strip() for key in list(shapes)[:5])
     if any(has_axes_of_picture(shape) or has_axes_of_picture(shape[::-1]) for shape in shapes.values()):
@@ -186,9 +108,39 @@ def is_type_read(dtype: DTypeLike) -> bool:
     return np.dtype(dtype).newbyteorder("=") in (np.uint8, np.uint16, np.float16, np.float32, np.float64)
 
 
-def check_array(name: str, shape: Sequence[int], dtype: DTypeLike, limits: Limits) -> None:
+def advise_type(dtype: DTypeLike, name: str = "array") -> str:
+    """Returns the end of a message that asks for `NEEDED_TYPES`: code that makes them of an array `name` of another
+    type, of which only the header is known.
+    """
+    kind = np.dtype(dtype).kind
+    if kind == "b":
+        return f", as in 255 * {name}.astype('u1')"
+    if kind in "iu":
+        return f", as in {name}.clip(0, 255).astype('u1') for levels up to 255, else {name}.clip(0, 65535).astype('u2')"
+    return {"c": f", as in np.abs({name})", "f": f", as in {name}.astype('f8')"}.get(kind, "")
+
+
+def refuse_class(kind: str, name: str, *, known: Sequence[str] | None = None) -> None:
+    """Raises `UnsupportedType` for a class of MATLAB whose numbers are not read, with code that converts them, and for
+    any that is not `known` if these are given.
+
+    The 1 of `logical` is white and would be read as nearly black. `name` ends with that of the variable.
+    """
+    variable = name.rpartition(": ")[2]
+    if kind == LOGICAL:
+        raise UnsupportedType(f"{name} is of class {kind}; give uint8, as in 255 * uint8({variable})")
+    advice = ""
+    if kind.startswith("complex "):
+        advice = f", as in abs({variable})"
+    elif kind in _WHOLE_NUMBERS:
+        advice = f", as in uint8({variable}) for levels up to 255, else uint16({variable})"
+    if advice or (known is not None and kind not in known):
+        raise UnsupportedType(f"{name} is of class {kind}; give uint8, uint16, or single or double from 0 to 1{advice}")
+
+
+def check_array(name: str, shape: Sequence[int], dtype: DTypeLike, limits: Limits, advice: str = "") -> None:
     """Checks that an array can be a light field `(V, U, H, W, C)`. The file's header gives its shape and type, before
-    anything is read.
+    anything is read. `advice` is the remedy for too many views if these are not meant to be views (`Axes.advice`).
 
     Raises `UnsupportedType` for samples that are neither uint8, uint16 nor floating-point, `Unreadable` for any other
     shape, and `TooLarge` over `limits`.
@@ -196,7 +148,7 @@ def check_array(name: str, shape: Sequence[int], dtype: DTypeLike, limits: Limit
     dtype = np.dtype(dtype)
     what = f"{name}: an array {show_shape(shape)} of {str(dtype)[:40]}"
     if not is_type_read(dtype):
-        raise UnsupportedType(f"{what}; give {NEEDED_TYPES}")
+        raise UnsupportedType(f"{what}; give {NEEDED_TYPES}{advise_type(dtype)}")
     if len(shape) != 5 or min(shape) < 1 or shape[4] > 4:
         raise Unreadable(
             f"{what}; give (V, U, H, W, C): rows and columns of views, and of pixels, 1 to 4 channels"
@@ -204,7 +156,10 @@ def check_array(name: str, shape: Sequence[int], dtype: DTypeLike, limits: Limit
         )
     views_v, views_u, height, width, _ = shape
     if views_v * views_u > limits.views:
-        raise TooLarge(f"{what}; at most {limits.views:,} views are read; give fewer", "views")
+        too_many = f"{what}; at most {limits.views:,} views are read"
+        if advice:
+            raise TooLarge(f"{too_many}; {advice}")
+        raise TooLarge(f"{too_many}; give fewer", "views")
     if height * width > limits.pixels or max(height, width) > MAX_SIDE:
         raise TooLarge(f"{what}; at most {limits.pixels:,} pixels of a view are read; give smaller views", "pixels")
     size = math.prod(shape) * dtype.itemsize

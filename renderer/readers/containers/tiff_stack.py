@@ -19,7 +19,8 @@ from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.levels import ROUNDED
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import tiff
-from ciir.renderer.readers.containers.samples import check_array, settle_depth_sense, settle_grid
+from ciir.renderer.readers.containers.axes import settle_grid
+from ciir.renderer.readers.containers.samples import check_array, settle_depth_sense
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -142,7 +142,7 @@ def test_the_remedy_for_nan_removes_it():
     read(saved(np.nan_to_num(array).clip(0, 1)))
 
 
-@pytest.mark.parametrize(("times", "advice"), [(1, "views.round().astype('u1')"), (257, "views.round().astype('u2')")])
+@pytest.mark.parametrize(("times", "advice"), [(1, "array.round().astype('u1')"), (257, "array.round().astype('u2')")])
 def test_levels_as_floating_point_are_not_to_be_clipped(times, advice):
     """That would make all of them white."""
     with pytest.raises(Unreadable, match=re.escape(f"from 0 to 1, or uint8 or uint16, as in {advice}")):
@@ -172,6 +172,44 @@ def test_floating_point_may_pass_the_range_by_rounding():
 def test_other_arrays_are_refused(array, error):
     with pytest.raises(error, match=r"a: an array .*; give"):
         read(saved(array))
+
+
+@pytest.mark.parametrize(
+    ("dtype", "most", "code"),
+    [
+        ("i8", 255, "array.clip(0, 255).astype('u1') for levels up to 255"),
+        ("i2", 9999, "else array.clip(0, 65535).astype('u2')"),
+        ("?", 1, "255 * array.astype('u1')"),
+        ("c16", 1, "np.abs(array)"),
+    ],
+)
+def test_other_types_have_a_remedy_that_works(dtype, most, code):
+    array = np.zeros((2, 3, 16, 16, 3), dtype)
+    array[1] = most
+    picture = np.full((60, 80), most, dtype)
+    for data in (saved(array), zipped(scene=array), saved(picture)):
+        with pytest.raises(UnsupportedType, match=rf"of {array.dtype}; give uint8, .*{re.escape(code)}"):
+            inputs.read(Bundle.from_upload("a.npz" if data.startswith(b"PK") else "a.npy", data), Layout(pixels=(2, 3)))
+    made = eval(code.removeprefix("else ").removesuffix(" for levels up to 255"), {"array": array, "np": np})  # noqa: S307
+    found = read(saved(made)).views
+    assert (found[0].max(), found[1].min()) == (0, {"?": 255, "c16": 65535}.get(dtype, most))
+
+
+@pytest.mark.parametrize("levels", [1, 255, 65535])
+def test_the_remedy_for_nan_fits_the_levels(levels):
+    array = np.full((2, 2, 4, 4, 3), levels, float)
+    array[0, 1], array[1, 1] = np.nan, np.inf
+    with pytest.raises(InvalidOption) as caught:
+        LightField(array)
+    views = eval(str(caught.value).split("as in ")[1], {"views": array, "np": np})  # noqa: S307
+    white = 255 if levels < 256 else 65535
+    assert views[:, :, 0, 0, 0].tolist() == [[white, 0], [white, white]]
+    with pytest.raises(Unreadable) as caught:
+        read(saved(array))
+    code = re.search(r"(?:such as|as in) (.*?)(?:, or uint8.*)?$", str(caught.value))[1]
+    kept = read(saved(eval(code, {"array": array, "np": np}))).views  # noqa: S307
+    assert kept[:, :, 0, 0, 0].tolist() == [[kept.max(), 0], [kept.max()] * 2]
+    assert kept.max() == (white if levels > 1 else 65535)
 
 
 def test_pickle_is_never_read():
@@ -316,11 +354,7 @@ def test_colours_before_rows_are_noted(tmp_path):
     for shape, is_noted in (((9, 3, 16, 20), True), ((9, 2, 16, 20), False), ((9, 3, 16, 20, 1), False)):
         np.save(tmp_path / "views.npy", np.zeros(shape, np.uint8))
         notes = "; ".join(ciir.open(tmp_path / "views.npy").notes)
-        assert ("if they are 9 views of 3 colours, (N, 3, H, W), save np.moveaxis(array, 1, -1)" in notes) == is_noted
-    for channels, words in ((3, "3 colours"), (1, "one channel")):
-        np.save(tmp_path / "views.npy", np.zeros((9, channels, 16, 20), np.uint8))
-        with pytest.raises(InvalidOption, match=rf"pixels: .* has 9x{channels} grey views; if .* of {words}, .*save"):
-            ciir.open(tmp_path / "views.npy", pixels=(3, 3))
+        assert ("9x3 grey views; if they are 9 views of 3 colours, (N, 3, H, W), give pixels" in notes) == is_noted
 
 
 @pytest.mark.parametrize(

@@ -188,6 +188,28 @@ def test_matlabs_logical_is_refused():
         read(made(fill))
 
 
+@pytest.mark.parametrize(
+    ("dtype", "kind", "message"),
+    [
+        ("i4", "int32", r"a: LF is of class int32; give .*, as in uint8\(LF\) for levels up to 255, else uint16\(LF\)"),
+        (
+            [("real", "f8"), ("imag", "f8")],
+            "double",
+            r"a: LF is of class complex double; give .* from 0 to 1, as in abs\(LF\)",
+        ),
+        ("i4", None, r"of int32; give uint8, .*, as in array\.clip\(0, 255\)\.astype\('u1'\)"),
+    ],
+)
+def test_other_classes_have_a_remedy(dtype, kind, message):
+    def fill(file):
+        file["LF"] = np.zeros((3, W, H, U, V), dtype)
+        if kind:
+            file["LF"].attrs["MATLAB_class"] = np.bytes_(kind)
+
+    with pytest.raises(UnsupportedType, match=message):
+        read(made(fill))
+
+
 def test_matlab_without_its_class():
     def fill(file):
         fill_reversed("u1", 3)(file)

@@ -64,7 +64,7 @@ def test_version_5(dtype, channels, is_compressed):
         assert found.views[place] == value(*place)
     assert found.depth_sense == "cameras"
     assert len(found.notes) == (channels == 1)
-    assert all("if they are 2 views of 3 colours, (N, 3, H, W), save" in note for note in found.notes)
+    assert all("if they are 2 views of 3 colours, (N, 3, H, W), give" in note for note in found.notes)
 
 
 @pytest.mark.parametrize("dtype", ["<f4", "<f8"])
@@ -129,7 +129,11 @@ def test_views_one_after_another_are_a_grid():
 @pytest.mark.parametrize(
     ("variables", "error", "message"),
     [
-        ({"a": 1, "b": "x"}, Unreadable, "holds a 1x1, b 1x1; give a light field LF"),
+        (
+            {"a": 1, "b": "x"},
+            Unreadable,
+            "holds a 1x1, b 1x1; give a light field LF with five axes, or four if it is grey, at the top",
+        ),
         (
             {"scene": {"depth": np.zeros((4, 4))}},
             Unreadable,
@@ -146,9 +150,13 @@ def test_views_one_after_another_are_a_grid():
             Unreadable,
             r"2 arrays have five axes \(a, b\); name the light field LF",
         ),
-        ({"LF": np.zeros((2, 2, 4, 4, 3), np.int32)}, UnsupportedType, "LF is of class int32"),
+        (
+            {"LF": np.zeros((2, 2, 4, 4, 3), np.int32)},
+            UnsupportedType,
+            r"LF is of class int32; give .*, as in uint8\(LF\) for levels up to 255, else uint16\(LF\)",
+        ),
         ({"LF": np.ones((2, 2, 4, 4, 3), bool)}, UnsupportedType, r"LF is of class logical; .* in 255 \* uint8\(LF\)"),
-        ({"LF": np.zeros((2, 2, 4, 4, 3), complex)}, UnsupportedType, "LF is of class complex double"),
+        ({"LF": np.zeros((2, 2, 4, 4, 3), complex)}, UnsupportedType, r"of class complex double; give .* abs\(LF\)"),
         ({"LF": np.full((2, 2, 4, 4, 3), "a", object)}, UnsupportedType, "LF is of class cell"),
         ({"LF": np.zeros((2, 2, 4, 4, 5), np.uint8)}, Unreadable, "1 to 4 channels"),
     ],

@@ -87,7 +87,7 @@ def test_a_description_of_others_is_ignored(text):
         (make(), {"pixels": (5, 5)}, InvalidOption, "5x5 asks for 25 views, but a.tif has 12 pages"),
         (make([*PAGES[:3], PAGES[3, :4]]), {}, Unreadable, "page 3 is not like the first"),
         (make(PAGES[:4].astype("i4")), {}, UnsupportedType, "32-bit INT samples"),
-        (make(PAGES[:4].astype("f4")), {}, Unreadable, r"a.tif: page 0 has samples from 179 .* in views\.round\(\)"),
+        (make(PAGES[:4].astype("f4")), {}, Unreadable, r"a.tif: page 0 has samples from 179 .* in array\.round\(\)"),
         (make()[:-300], {"pixels": (3, 4)}, Unreadable, "cut off|truncated"),
     ],
 )
