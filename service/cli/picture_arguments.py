@@ -186,7 +186,7 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         "pictures.depth",
     )
     command.add_argument("input", metavar="INPUT", help="file, folder or zip; or scene:NAME")
-    suffixes = ", ".join(dict.fromkeys(entry.suffix for entry in maps.FORMATS.values()))
+    suffixes = ", ".join(dict.fromkeys(suffix for entry in maps.FORMATS.values() for suffix in entry.suffixes))
     models = " or ".join(entry.suffix for entry in MODELS.values())
     command.add_argument(
         "-o",

@@ -1,4 +1,4 @@
-"""Writes disparity maps as files: PFM, 16-bit PNG, npy, and pictures to look at."""
+"""Writes disparity maps as files: PFM, TIFF, 16-bit PNG, npy, and pictures to look at."""
 
 from ciir.renderer.writers.depth.maps import FORMATS, MapFormat, encode_disparity, find_format, write_disparity
 

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import tifffile
 
 from ciir.errors import InvalidOption
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.depth.colors import color_map
-from ciir.renderer.writers.pictures import png
+from ciir.renderer.writers.pictures import png, tiff
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -39,7 +40,8 @@ class MapFormat:
     """A format of `(H, W)` numbers."""
 
     name: str
-    suffix: str
+    suffixes: tuple[str, ...]
+    """The suffixes in lower case; the first one is the usual one."""
     media_type: str
     encode: Callable[[Map], Encoded]
     """Returns the file and what a reader of it needs to know, for the report."""
@@ -78,9 +80,9 @@ def find_format(path: Path, name: str | None = None) -> MapFormat:
     """
     entries = list(FORMATS.values()) if name is None else [_get_format(name)]
     for entry in entries:
-        if path.suffix.lower() == entry.suffix:
+        if path.suffix.lower() in entry.suffixes:
             return entry
-    suffixes = ", ".join(dict.fromkeys(entry.suffix for entry in entries))
+    suffixes = ", ".join(dict.fromkeys(suffix for entry in entries for suffix in entry.suffixes))
     raise InvalidOption(f"{path}: a disparity map can't have this name; end it with {suffixes}")
 
 
@@ -96,6 +98,14 @@ def _encode_pfm(values: Map) -> Encoded:
     """
     height, width = values.shape
     return f"Pf\n{width} {height}\n-1.0\n".encode() + values[::-1].astype("<f4").tobytes(), {}
+
+
+def _encode_tiff(values: Map) -> Encoded:
+    """Encodes one page of floats (TIFF 6.0, section 19), uncompressed, which ImageJ and MATLAB read, too."""
+    file = io.BytesIO()
+    page = tiff.describe_page(1) | {"compression": None, "predictor": None}
+    tifffile.imwrite(file, values.astype("<f4"), byteorder="<", **page)
+    return file.getvalue(), {}
 
 
 def _encode_png(values: Map) -> Encoded:
@@ -121,10 +131,11 @@ def _encode_colors(values: Map) -> Encoded:
 FORMATS = {
     entry.name: entry
     for entry in (
-        MapFormat("pfm", ".pfm", "image/x-portable-floatmap", _encode_pfm),
-        MapFormat("png", ".png", "image/png", _encode_png),
-        MapFormat("npy", ".npy", "application/octet-stream", _encode_npy),
-        MapFormat("viridis", ".png", "image/png", _encode_colors),
+        MapFormat("pfm", (".pfm",), "image/x-portable-floatmap", _encode_pfm),
+        MapFormat("tiff", (".tif", ".tiff"), "image/tiff", _encode_tiff),
+        MapFormat("png", (".png",), "image/png", _encode_png),
+        MapFormat("npy", (".npy",), "application/octet-stream", _encode_npy),
+        MapFormat("viridis", (".png",), "image/png", _encode_colors),
     )
 }
 """The formats by name. If several have the same suffix, the first one is its format."""

@@ -53,7 +53,7 @@ MODELS = {"glb": FileType(".glb", "model/gltf-binary"), "ply": FileType(".ply", 
 FILE_TYPES = {
     "json": FileType(".json", "application/json", holds_report=True),
     **MODELS,
-    **{entry.name: FileType(entry.suffix, entry.media_type) for entry in maps.FORMATS.values()},
+    **{entry.name: FileType(entry.suffixes[0], entry.media_type) for entry in maps.FORMATS.values()},
     **{entry.name: FileType(entry.suffixes[0], entry.media_type, entry.holds_report) for entry in FORMATS.values()},
 }
 """File types by the name of the format."""

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.source import Source
 
+_MAPS = tuple(dict.fromkeys(suffix for entry in FORMATS.values() for suffix in entry.suffixes))
 _MODELS = tuple(entry.suffix for entry in MODELS.values())
 
 
@@ -27,8 +28,8 @@ def run(args: argparse.Namespace) -> None:
     """Writes the files, and prints a line about them."""
     path = Path(args.out)
     is_model = path.suffix.lower() in _MODELS and args.to is None
-    if not is_model and args.to is None and path.suffix.lower() not in {entry.suffix for entry in FORMATS.values()}:
-        listed = ", ".join(dict.fromkeys([*(entry.suffix for entry in FORMATS.values()), *_MODELS]))
+    if not is_model and args.to is None and path.suffix.lower() not in _MAPS:
+        listed = ", ".join((*_MAPS, *_MODELS))
         raise InvalidOption(f"{path}: not the name of a disparity map or a model; end it with {listed}")
     name = None if is_model else find_format(path, args.to).name
     beside = None if is_model else path.with_stem(path.stem + CONFIDENCE)

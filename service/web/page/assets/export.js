@@ -42,7 +42,7 @@ export const EXPORTS = {
   elementals: { kind: "elementals", formats: PICTURES, only: MESHES },
   plane: { kind: "planes", formats: PICTURES, needs: ["disparity"] },
   stack: { kind: "planes", formats: ["zip", "stack", "npy", "npz", ...VIDEOS], needs: ["stack"] },
-  disparities: { kind: "disparities", formats: ["pfm", "png", "npy", "viridis", "zip", "glb", "ply"] },
+  disparities: { kind: "disparities", formats: ["pfm", "tiff", "png", "npy", "viridis", "zip", "glb", "ply"] },
 };
 /** Options that a kind of job can't use, and options that it can't use if the input is a mesh. */
 const USELESS = /** @type {Record<string, string[]>} */ ({ displays: ["model", "scale"], elementals: ["model", "scale"] });

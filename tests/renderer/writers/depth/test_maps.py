@@ -3,6 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tifffile
 from PIL import Image
 
 from ciir.errors import InvalidOption
@@ -35,6 +36,8 @@ def read_png(data):
 READERS = {
     "pfm": read_pfm,
     "pfm by Pillow": lambda data: np.asarray(Image.open(io.BytesIO(data))),
+    "tiff": lambda data: tifffile.imread(io.BytesIO(data)),
+    "tiff by Pillow": lambda data: np.asarray(Image.open(io.BytesIO(data))),
     "png": read_png,
     "npy": lambda data: np.load(io.BytesIO(data), allow_pickle=False),
 }
@@ -52,6 +55,16 @@ def test_larger_is_nearer():
     """With the depth sense of lenses what is farther moves further to the left: its disparity is larger."""
     data, _, _ = encode_disparity(make_map(sense="lenses"), "pfm")
     np.testing.assert_array_equal(read_pfm(data), -VALUES)
+
+
+def test_a_tiff_is_one_uncompressed_page_of_floats():
+    """ImageJ reads no predictor of floats, and other programs no tifffile's JSON."""
+    data, _, reading = encode_disparity(make_map(), "tiff")
+    with tifffile.TiffFile(io.BytesIO(data)) as file:
+        (page,) = file.pages
+        assert (page.dtype, page.compression, page.photometric) == (np.float32, 1, 1)
+        assert not {"ImageDescription", "Software"} & {tag.name for tag in page.tags}
+    assert reading == {"format": "tiff", "sense": "larger is nearer"}
 
 
 def test_a_flat_png():
@@ -83,9 +96,13 @@ def test_writes_the_confidence_beside(tmp_path):
 @pytest.mark.parametrize(
     ("name", "wanted", "message"),
     [
-        ("a.tif", None, r"a\.tif: a disparity map can't have this name; end it with \.pfm, \.png, \.npy"),
+        (
+            "a.jpg",
+            None,
+            r"a\.jpg: a disparity map can't have this name; end it with \.pfm, \.tif, \.tiff, \.png, \.npy$",
+        ),
         ("a.pfm", "viridis", r"end it with \.png"),
-        ("a.png", "exr", "format: 'exr' holds no disparity; give pfm, png, npy, viridis"),
+        ("a.png", "exr", "format: 'exr' holds no disparity; give pfm, tiff, png, npy, viridis"),
     ],
 )
 def test_names_that_no_format_has(name, wanted, message):
@@ -95,4 +112,5 @@ def test_names_that_no_format_has(name, wanted, message):
 
 def test_a_name_gives_its_format():
     assert find_format(Path("a.PNG")) is FORMATS["png"]
+    assert find_format(Path("a.tif")) is find_format(Path("a.TIFF")) is FORMATS["tiff"]
     assert find_format(Path("a.png"), "viridis") is FORMATS["viridis"]

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tifffile
 
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.pictures import decode
@@ -30,6 +31,15 @@ def test_a_map_and_its_confidence(tmp_path, capsys):
     described = json.loads((tmp_path / "report.json").read_text())["disparity"]
     assert (described["file"], described["confidence"]) == ("out.pfm", "out_confidence.pfm")
     assert described["least"] == disparity.min()
+
+
+def test_a_tiff_and_its_confidence(tmp_path):
+    for name in ("out.pfm", "out.tif"):
+        assert main(["depth", *MESH, "-o", str(tmp_path / name)]) == 0
+    for name in ("out", "out_confidence"):
+        read = tifffile.imread(tmp_path / f"{name}.tif")
+        assert read.dtype == np.float32
+        np.testing.assert_array_equal(read, read_pfm(tmp_path / f"{name}.pfm"))
 
 
 def test_a_light_field_in_colours(tmp_path, capsys):
@@ -60,8 +70,11 @@ def test_a_model_is_rendered_again(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["-o", "a.jpg"], "a.jpg: not the name of a disparity map or a model; end it with .pfm, .png, .npy, .glb"),
-        (["-o", "a.pfm", "--to", "exr"], "format: 'exr' holds no disparity; give pfm, png"),
+        (
+            ["-o", "a.jpg"],
+            "a.jpg: not the name of a disparity map or a model; end it with .pfm, .tif, .tiff, .png, .npy, .glb",
+        ),
+        (["-o", "a.pfm", "--to", "exr"], "format: 'exr' holds no disparity; give pfm, tiff, png"),
         (["-o", "a.pfm", "--limits", "0:1"], "limits: the disparity of a mesh is rendered"),
     ],
 )
