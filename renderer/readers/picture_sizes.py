@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from contextlib import suppress
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
@@ -15,6 +16,8 @@ Size = tuple[int, int]
 """The height and width as stored."""
 START_BYTES = 1 << 16
 """How much of a file is read to find the size: a JPEG's size may come after metadata and a colour profile."""
+NETPBM_HEADER = re.compile(rb"P([56])" + 3 * rb"(?:\s|#[^\r\n]*+[\r\n])++(\d{1,10})" + rb"\s")
+"""The kind, width, height and level of white of a PPM or PGM, with comments between them."""
 _FRAME_HEADERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 START_OF_SCAN = 0xDA
 _WIDTH, _LENGTH = 256, 257
@@ -115,6 +118,18 @@ def _read_tiff(data: bytes) -> Size:
     return sides[_LENGTH], sides[_WIDTH]
 
 
+def _read_netpbm(data: bytes) -> Size | None:
+    header = NETPBM_HEADER.match(data)
+    return None if header is None else (int(header[3]), int(header[2]))
+
+
+def _read_bmp(data: bytes) -> Size:
+    """Reads the header: 16-bit sides in that of OS/2, else 32 bits with a negative height for rows from the top."""
+    (header,) = struct.unpack_from("<I", data, 14)
+    width, height = struct.unpack_from("<HH" if header == 12 else "<ii", data, 18)
+    return abs(height), width
+
+
 def _read_ktx2(data: bytes) -> Size:
     width, height = struct.unpack_from("<II", data, 20)
     return height, width
@@ -125,5 +140,7 @@ _READERS: dict[str, Callable[[bytes], Size | None]] = {
     "JPEG": _read_jpeg,
     "TIFF": _read_tiff,
     "WebP": read_webp,
+    "PPM": _read_netpbm,
+    "BMP": _read_bmp,
     "KTX2": _read_ktx2,
 }

@@ -158,6 +158,14 @@ FORMATS: tuple[Format, ...] = (
         reader="tiff:decode",
     ),
     PictureFormat(name="WebP", suffixes=(".webp",), signatures=(b"RIFF",), reader="webp:decode"),
+    PictureFormat(
+        name="PPM",
+        suffixes=(".ppm", ".pgm", ".pnm"),
+        signatures=tuple(f"P{kind}{after}".encode() for kind in "56" for after in " \t\n\v\f\r#"),
+        reader="uncompressed.netpbm:decode",
+        remedy="save it as binary PPM or PGM (P6 or P5)",
+    ),
+    PictureFormat(name="BMP", suffixes=(".bmp",), signatures=(b"BM",), reader="uncompressed.bmp:decode"),
     LYTRO,
     LYTRO_RAW,
     PictureFormat(name="KTX2", suffixes=(".ktx2",), signatures=(b"\xabKTX 20\xbb\r\n\x1a\n",), reader="ktx2:decode"),
@@ -285,6 +293,8 @@ def identify(name: str, data: bytes) -> Format:
 
 
 def _recognise(data: bytes, by_name: Format | None) -> Format | None:
+    if by_name is STL and _has_stl_size(data):  # its header is any text, also one that starts with BM or P6
+        return STL
     signed = find_by_signature(data) or find_by_signature(_find_hdf5(data))
     if signed:
         return by_name if by_name in signed else signed[0]
@@ -294,8 +304,13 @@ def _recognise(data: bytes, by_name: Format | None) -> Format | None:
     if by_name is LYTRO_RAW and len(data) in LYTRO_RAW_SIZES:
         return LYTRO_RAW
     # A binary STL has no signature, and one that is cut short not even the right size: its reader reports that.
+    return STL if by_name is STL or _has_stl_size(data) else None
+
+
+def _has_stl_size(data: bytes) -> bool:
+    """Checks whether `data` is as long as a binary STL with the number of triangles that it states."""
     size = _STL_HEADER + _STL_TRIANGLE * int.from_bytes(data[80:_STL_HEADER], "little")
-    return STL if by_name is STL or (len(data) >= _STL_HEADER and len(data) == size) else None
+    return len(data) >= _STL_HEADER and len(data) == size
 
 
 def _find_hdf5(data: bytes) -> bytes:

@@ -210,7 +210,7 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
 
     command = add_command("upscale", "upscale any picture, or a folder of pictures", "pictures.upscale")
     command.add_argument(
-        "input", metavar="IMAGE_OR_FOLDER", help="PNG, TIFF, JPEG or WebP; 8 or 16 bit; grey, RGB, alpha"
+        "input", metavar="IMAGE_OR_FOLDER", help="PNG, TIFF, JPEG, WebP, PPM, PGM or BMP; 8 or 16 bit; grey, RGB, alpha"
     )
     command.add_argument("-o", "--out", required=True, metavar="OUT", help="a picture, or a folder")
     add_options(command, KINDS["upscale"].options, "upscale")

@@ -152,6 +152,8 @@ TARGETS: dict[str, Target] = {
     "jpeg": Target(readers.picture("jpg"), seeds.jpegs),
     "tiff": Target(readers.picture("tif"), seeds.tiffs),
     "webp": Target(readers.picture("webp"), seeds.webps),
+    "ppm": Target(readers.picture("ppm"), seeds.netpbms),
+    "bmp": Target(readers.picture("bmp"), seeds.bmps),
     "lytro": Target(readers.container(SUFFIXES[".lfp"]), containers.lytro),
     "lytro-values": Target(readers.lytro_values, lambda: [bytes([number, 0, 3, 0]) for number in range(2)]),
     "ktx2": Target(readers.picture("ktx2"), gltf_extensions.ktx2),

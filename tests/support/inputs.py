@@ -41,6 +41,13 @@ def make_zip(files):
     return buffer.getvalue()
 
 
+def make_netpbm(stored, white):
+    """Makes a binary PPM or PGM of levels `(height, width, 3)` or `(height, width, 1)` as stored, up to `white`."""
+    height, width, channels = stored.shape
+    header = f"P{5 if channels == 1 else 6}\n# made by a test\n{width} {height}\n{white}\n"
+    return header.encode() + stored.astype(np.uint8 if white < 256 else ">u2").tobytes()
+
+
 def make_png_header(height, width):
     """Makes a PNG whose header claims a size, without pixels."""
 

@@ -1,4 +1,4 @@
-"""Picture formats that are read only as textures, by Pillow: BMP, TGA and the first picture of a GIF."""
+"""Picture formats that are read only as textures, by Pillow: TGA and the first picture of a GIF."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.errors import Unreadable, UnsupportedType
+from ciir.errors import Unreadable
 from ciir.renderer.readers.registry import PictureFormat
 
 if TYPE_CHECKING:
@@ -18,11 +18,8 @@ if TYPE_CHECKING:
 
     from ciir.renderer.readers.pictures import Pixels
 
-_SIGNED = (
-    PictureFormat(name="BMP", suffixes=(".bmp",), signatures=(b"BM",), reader="meshes.texture_formats:decode_bmp"),
-    PictureFormat(
-        name="GIF", suffixes=(".gif",), signatures=(b"GIF87a", b"GIF89a"), reader="meshes.texture_formats:decode_gif"
-    ),
+_GIF = PictureFormat(
+    name="GIF", suffixes=(".gif",), signatures=(b"GIF87a", b"GIF89a"), reader="meshes.texture_formats:decode_gif"
 )
 _TGA = PictureFormat(name="TGA", suffixes=(".tga",), reader="meshes.texture_formats:decode_tga")
 _TGA_HEADER = 18
@@ -35,25 +32,15 @@ def find_texture_format(name: str, data: bytes) -> PictureFormat | None:
     """Finds the format by the first bytes, or for TGA, which has no signature, by the name and the header. Returns None
     if it is none of these formats.
     """
-    signed = next((entry for entry in _SIGNED if data.startswith(entry.signatures)), None)
-    if signed is not None or len(data) <= _TGA_HEADER or not name.lower().endswith(_TGA.suffixes):
-        return signed
+    if data.startswith(_GIF.signatures):
+        return _GIF
+    if len(data) <= _TGA_HEADER or not name.lower().endswith(_TGA.suffixes):
+        return None
     map_type, kind, depth = data[1], data[2], data[16]
     return _TGA if map_type in _MAP_TYPES and kind in _TGA_KINDS and depth in _DEPTHS else None
 
 
 # The decoders below don't use Image.open, which would try other decoders and warn about large pictures.
-
-
-def decode_bmp(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
-    """Decodes a BMP as a `PictureDecoder`. Raises `UnsupportedType` for run lengths, which Pillow decodes in Python."""
-    from PIL.BmpImagePlugin import BmpImageFile
-
-    with BmpImageFile(io.BytesIO(data)) as image:
-        check_size(image.height, image.width)
-        if image.tile[0][0] != "raw":
-            raise UnsupportedType(f"{name}: a run-length encoded BMP; save it uncompressed, or as PNG")
-        return _convert(image), 1
 
 
 def decode_tga(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:  # noqa: ARG001

@@ -178,7 +178,7 @@ KINDS: dict[KindName, Kind] = {
         Kind(
             "upscale",
             "Upscale a picture",
-            "a PNG, TIFF, JPEG or WebP picture; 8 or 16 bit; grey, RGB, alpha",
+            "a PNG, TIFF, JPEG, WebP, PPM, PGM or BMP picture; 8 or 16 bit; grey, RGB, alpha",
             ("model", "scale", "skip"),
             _PICTURES,
             "tiff for a TIFF, else png",

@@ -21,7 +21,7 @@ from ciir.renderer.writers.pictures import encode_png
 from ciir.renderer.writers.pictures.jpeg import encode as encode_jpeg
 from ciir.renderer.writers.pictures.tiff import encode as encode_tiff
 from ciir.service.pipeline.options import NAMES
-from tests.support.inputs import make_profile, make_zip
+from tests.support.inputs import make_netpbm, make_profile, make_zip
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -101,6 +101,20 @@ def webps() -> list[bytes]:
     rgb, rgba = (Image.fromarray(noise(16, 16, channels)) for channels in (3, 4))
     plain = [saved(rgb, "WEBP"), saved(rgb, "WEBP", lossless=True), saved(rgba, "WEBP")]
     return [*plain, saved(rgb, "WEBP", exif=turned_exif(), icc_profile=make_profile("P3"))]
+
+
+def netpbms() -> list[bytes]:
+    """Grey and colour, 8 and 16 bit, with levels that are stored as they are and with others."""
+    whites = (255, 65535, 1023, 1, 1000)
+    return [
+        make_netpbm(noise(6, 6, channels, np.uint32) % (white + 1), white) for channels in (1, 3) for white in whites
+    ]
+
+
+def bmps() -> list[bytes]:
+    """Grey, RGB, a palette, and black and white."""
+    rgb = Image.fromarray(noise(6, 6, 3))
+    return [saved(image, "BMP") for image in (rgb.convert("L"), rgb, rgb.convert("P"), rgb.convert("1"))]
 
 
 def tiffs() -> list[bytes]:

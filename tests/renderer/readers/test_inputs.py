@@ -108,8 +108,8 @@ def test_two_meshes() -> None:
 
 
 def test_neither_mesh_nor_pictures() -> None:
-    with pytest.raises(Unreadable, match=r"set: none of its 2 files is of a type that is read \(\.bmp, \.txt\); give"):
-        read({"a.txt": b"x", "b.bmp": b"x"})
+    with pytest.raises(Unreadable, match=r"set: none of its 2 files is of a type that is read \(\.tga, \.txt\); give"):
+        read({"a.txt": b"x", "b.tga": b"x"})
     with pytest.raises(Unreadable, match=r"set: holds a zip, views\.zip, which is not unpacked within .*; give a mesh"):
         read({"views.zip": b"PK\5\6"})
     with pytest.raises(Unreadable, match="set: no files in it"):
@@ -235,9 +235,9 @@ def test_a_picture_alone_in_a_folder_is_read_as_the_picture_itself() -> None:
         assert np.array_equal(field.views[1, 2], EIA[1::2, 2::4])
     with pytest.raises(InvalidOption, match=r"^set/a\.png: a picture is read as an elemental image array"):
         read({"a.png": PNG})
-    field = read({"a.png": PNG, "b.bmp": b"BM", "c.dng": b"MM", "read.txt": b"x"}, lenses=(3, 2))
+    field = read({"a.png": PNG, "b.tga": b"?", "c.dng": b"MM", "read.txt": b"x"}, lenses=(3, 2))
     assert isinstance(field, LightField)
-    assert field.notes[-1] == "b.bmp and 1 more left out: a.png holds the light field"
+    assert field.notes[-1] == "b.tga and 1 more left out: a.png holds the light field"
 
 
 def test_a_quilt_in_a_folder_with_its_json() -> None:

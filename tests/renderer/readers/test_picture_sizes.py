@@ -1,4 +1,5 @@
 import io
+import struct
 
 import pytest
 import tifffile
@@ -35,6 +36,8 @@ def read(start: bytes) -> tuple[int, int] | None:
         save("png"),
         save("jpeg", exif=b"Exif\0\0" + bytes(500)),
         save("jpeg", progressive=True),
+        save("bmp"),
+        save("ppm"),
         save("webp"),
         save("webp", lossless=True),
         save("webp", exif=b"Exif\0\0"),  # the extended format
@@ -44,7 +47,12 @@ def read(start: bytes) -> tuple[int, int] | None:
 )
 def test_the_size_stands_at_the_start(data: bytes) -> None:
     assert read(data) == read(data[:2000]) == (300, 200)
-    assert read(data[:13]) is None
+    assert read(data[:10]) is None
+
+
+def test_rows_of_a_bmp_from_the_top_and_sides_of_16_bits() -> None:
+    assert read(b"BM" + bytes(12) + struct.pack("<Iii", 40, 200, -300)) == (300, 200)
+    assert read(b"BM" + bytes(12) + struct.pack("<IHH", 12, 200, 300)) == (300, 200)
 
 
 def test_a_texture() -> None:

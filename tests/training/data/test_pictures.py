@@ -37,7 +37,7 @@ def test_other_files_hidden_ones_and_folders_are_ignored(tmp_path):
 def test_no_folder_and_no_picture(tmp_path):
     with pytest.raises(ValueError, match="gone: no such folder; name a folder of pictures"):
         find_pictures(tmp_path / "gone")
-    with pytest.raises(ValueError, match=r"no picture in it \(\.jpeg, \.jpg, .*\.tiff, \.webp\)"):
+    with pytest.raises(ValueError, match=r"no picture in it \(\.bmp, \.jpeg, \.jpg, .*\.tiff, \.webp\)"):
         find_pictures(tmp_path)
 
 

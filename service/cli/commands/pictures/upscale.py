@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> None:
         names = [name for name in bundle.files if is_picture(name) and "/" not in name]
         others = [name for name in bundle.files if name not in names]
         if not names:
-            raise InvalidOption(f"{args.input}: no picture in it; give PNG, TIFF, JPEG or WebP files")
+            raise InvalidOption(f"{args.input}: no picture in it; give PNG, TIFF, JPEG, WebP, PPM, PGM or BMP files")
         report = _folder(upscale, output_names(names), path)
         report["notes"] += [f"not a picture in this folder, skipped: {name}" for name in others]
     elif output_path.names_file(args.out, SUFFIXES, what="a picture"):

@@ -30,7 +30,7 @@ import { writeZip } from "./zip.js";
  */
 
 export const MESH = /\.(glb|vrm|gltf|ply|stl|off|obj|dae|3mf)$/i; // as in `renderer/readers/registry.py`
-const COMPANION = /\.(mtl|bin|png|jpe?g|webp|tga|bmp|gif|tiff?|exr|hdr|ktx2|dds)$/i; // files that belong to a mesh
+const COMPANION = /\.(mtl|bin|png|jpe?g|webp|p[pgn]m|tga|bmp|gif|tiff?|exr|hdr|ktx2|dds)$/i; // files that belong to a mesh
 
 /**
  * Joins files to one input. Several files are named after their common folder, or after the mesh among them.

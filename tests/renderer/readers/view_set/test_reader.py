@@ -76,7 +76,7 @@ def test_side_files_are_left_out_and_others_are_not() -> None:
     beside = dict.fromkeys(("report.json", ".DS_Store", "__MACOSX/._0_0.png", "LICENSE", "a/README.TXT", "d.exr"), b"?")
     assert_in_order(read(files | beside), 1, 2)
     assert "clip.mp4 is not a picture" in message(files | {"clip.mp4": b"?"}, UnsupportedType)
-    assert "0_2.bmp is not a picture" in message(files | {"0_2.bmp": b"?"}, UnsupportedType)
+    assert "0_2.tga is not a picture" in message(files | {"0_2.tga": b"?"}, UnsupportedType)
 
 
 def test_a_folder_without_pictures() -> None:
@@ -149,7 +149,7 @@ def test_the_corrupt_picture_is_named() -> None:
 
 def test_hostile_names_stay_on_one_line() -> None:
     plain = picture(0, 0)
-    assert "a?b.bmp" in message({"a\nb.bmp": b""}, UnsupportedType)
+    assert "a?b.tga" in message({"a\nb.tga": b""}, UnsupportedType)
     two_kinds = dict.fromkeys(("0_0.png", "0_1.png", "a\n0_2.png", "a\n0_3.png"), plain)
     assert "(0_0.png, a?0_2.png)" in message(two_kinds, InvalidOption)
     assert len(message({"9" * 5000 + "_0.png": plain, "0_1.png": plain}, InvalidOption)) < 400

@@ -1,12 +1,14 @@
 import json
 
 import numpy as np
+import pytest
 
 from ciir import models
+from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.pictures import encode
 from ciir.service.cli.main import main
 from tests.support.cli import fails, read
-from tests.support.inputs import EIA, contains_all, make_picture
+from tests.support.inputs import EIA, contains_all, make_netpbm, make_picture
 
 
 def test_upscale_a_picture(tmp_path):
@@ -58,7 +60,7 @@ def test_upscale_takes_no_light_field_network(stand_in, tmp_path, capsys):
 def test_upscale_says_what_it_takes(tmp_path, capsys):
     takes = [".png", ".tif", "folder"]
     for name, data, parts in (
-        ("a.bmp", b"BM", takes),
+        ("a.tga", b"?", takes),
         ("a.png", b"hello", ["text", "PNG", "save it again"]),
         ("b.jpg", encode(EIA, ".png"), ["rename it to end with .png"]),
     ):
@@ -66,6 +68,19 @@ def test_upscale_says_what_it_takes(tmp_path, capsys):
         line = fails(capsys, "upscale", tmp_path / name, "-o", tmp_path / "out.png")
         assert contains_all(line, [name, *parts])
         assert ".glb" not in line
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_a_10_bit_ppm_is_upscaled_as_a_png_of_the_same_levels(channels, tmp_path):
+    stored = make_picture(6, 7, channels, np.uint16) >> 6
+    (tmp_path / "a.ppm").write_bytes(make_netpbm(stored, 1023))
+    (tmp_path / "b.png").write_bytes(encode(stored, ".png"))
+    made = []
+    for name in ("a.ppm", "b.png"):
+        assert main(["upscale", str(tmp_path / name), "--model", "bicubic", "-o", str(tmp_path / "out.png")]) == 0
+        made.append(decode((tmp_path / "out.png").read_bytes(), name=name))
+    assert (made[0].shape, made[0].dtype, made[0].max() > 255) == ((12, 14, channels), np.uint16, True)
+    assert np.array_equal(*made)
 
 
 def test_skipping_is_an_option(tmp_path, capsys):

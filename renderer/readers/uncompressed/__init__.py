@@ -1,0 +1,1 @@
+"""Decodes picture formats that store pixels without compression."""
