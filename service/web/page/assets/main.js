@@ -132,7 +132,7 @@ function makeChosen(opened, signal) {
   const mode = modes.find((field) => field.checked && !field.closest("[hidden]"))?.value ?? "upscaled";
   keepState({ ...settings, show: mode });
   made = settings;
-  allowTurning((opened.kind === "mesh" || opened.kind === "scene") && (mode === "mapped" || mode === "upscaled"));
+  allowTurning(opened.kind === "mesh" || opened.kind === "scene", mode);
   return makeShown(opened, settings, mode, signal);
 }
 

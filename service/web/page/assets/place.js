@@ -2,6 +2,7 @@
 /** Turns a mesh by hand. It follows at once if three.js can read it, otherwise when the server has rendered it. */
 import { find, make } from "./dom.js";
 import { stop } from "./job.js";
+import { TEXTS } from "./texts.js";
 
 /** @typedef {import("./inputs.js").Input} Input */
 /** @typedef {import("./preview.js").Preview} Preview */
@@ -59,9 +60,14 @@ export function closeMesh() {
   panel.hidden = true;
 }
 
-/** @param {boolean} isPossible Whether the picture shows a mesh. */
-export function allowTurning(isPossible) {
-  panel.hidden = !isPossible;
+/**
+ * @param {boolean} isMesh Whether the input is a mesh.
+ * @param {string} mode What is shown of it: a drag turns it unless that has another use.
+ */
+export function allowTurning(isMesh, mode) {
+  const other = mode === "around" ? TEXTS.aroundHelp : mode === "compare" ? TEXTS.compareHelp : undefined;
+  panel.hidden = !isMesh || other !== undefined;
+  find("turn-help", HTMLElement).textContent = other ?? TEXTS.turnHelp;
 }
 
 /** Whether the mesh is being dragged: pictures made meanwhile are previews. */

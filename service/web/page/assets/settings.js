@@ -15,6 +15,8 @@ const form = find("settings", HTMLFormElement);
 const scales = new Map([["auto", [2]]]);
 /** @type {Record<string, string>} Options from the address or a found lens grid that have no field, or a value that their field can't have. */
 let others = {};
+/** Whether the place was given: pictures for displays have another default, so one that is given counts even if it is as usual. */
+let isPlaced = false;
 /** Done when the networks are listed. */
 let offered = Promise.resolve();
 const grids = find("grids", HTMLSelectElement);
@@ -42,7 +44,7 @@ function readField(field) {
 
 /** @param {HTMLInputElement | HTMLSelectElement} field */
 function isDefault(field) {
-  return readField(field) === (field instanceof HTMLInputElement ? field.defaultValue : "");
+  return readField(field) === (field instanceof HTMLInputElement ? field.defaultValue : "") && !(isPlaced && field.name === "place");
 }
 
 /**
@@ -59,7 +61,7 @@ function writeField(field, value) {
 }
 
 /**
- * Returns the settings that differ from the defaults, without text that is still being typed.
+ * Returns the settings that differ from the defaults, and the place if it was given, without text that is still being typed.
  * @returns {Record<string, string>}
  */
 export function readSettings() {
@@ -100,6 +102,7 @@ export function writeSettings(settings) {
       if (!writeField(field, value)) others[name] = value;
     } else if (!["v", "u", "focus", "aperture"].includes(name)) others[name] = value;
   }
+  isPlaced = "place" in settings && !("place" in others);
   showValues();
   markGrid();
 }
@@ -266,6 +269,7 @@ export function watchSettings(changed) {
   form.addEventListener("input", ({ target }) => {
     const name = target instanceof Element ? (target.getAttribute("name") ?? "") : "";
     delete others[ANGLES.includes(name) ? "rotate" : name];
+    isPlaced ||= name === "place";
     showValues();
   });
   form.addEventListener("submit", (event) => event.preventDefault());

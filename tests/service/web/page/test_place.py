@@ -12,7 +12,17 @@ from playwright.sync_api import Error, expect
 from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.pictures import encode_png
 from tests.support.browser import needs_browser
-from tests.support.browser.page import choose, drop, go_to, open_scene, set_field, wait_for_picture, wait_for_rest
+from tests.support.browser.page import (
+    SMALL,
+    choose,
+    choose_mode,
+    drop,
+    go_to,
+    open_scene,
+    set_field,
+    wait_for_picture,
+    wait_for_rest,
+)
 from tests.support.inputs import CUBE
 from tests.support.meshes.gltf import PIXELS, SQUARE, UV, Model
 
@@ -269,6 +279,48 @@ def test_a_mesh_turns_by_keys(page):
     expect(page.locator("#turn canvas")).to_be_visible()
     page.wait_for_url(lambda url: "rotate=-175%2C5%2C0" in url and "zoom=1.1" in url)
     expect(page.locator("#turn canvas")).to_be_hidden()
+
+
+def test_a_display_gets_the_place_that_was_given_also_if_it_is_as_usual(page):
+    def read_posted(address, *keys):
+        page.reload()
+        go_to(page, address)
+        wait_for_picture(page, 40, 60)
+        for key in keys:
+            page.locator("#settings [name=place]").press(key)
+        page.locator("#format").select_option("displays/quilt")
+        with page.expect_request("**/v1/displays") as posted:
+            page.get_by_role("button", name="Download").click()
+        return re.findall(r'name="place"\r\n\r\n([^\r]*)\r', posted.value.post_data)
+
+    page.route("**/v1/displays", lambda route: route.fulfill(json={"id": "a", "state": "cancelled"}))
+    assert read_posted(SMALL) == []
+    assert read_posted(f"{SMALL}&place=-1") == ["-1"]
+    assert read_posted(f"{SMALL}&place=0.5") == ["0.5"]
+    assert read_posted(SMALL, "ArrowRight", "ArrowLeft") == ["-1"]
+
+
+def test_the_help_says_what_a_drag_does(page):
+    shown = page.locator("#turn-help")
+    open_scene(page)
+    expect(shown).to_contain_text("Drag the picture to turn the object")
+    for mode, text in (
+        ("Look around", "moves the viewpoint"),
+        ("Compare", "moves the pictures"),
+        ("As mapped", "Drag the"),
+    ):
+        choose_mode(page, mode)
+        expect(shown).to_contain_text(text)
+
+
+def test_the_note_on_an_stl_names_the_setting(page):
+    go_to(page, "#file=a.stl&lenses=20x20&show=mapped")
+    page.reload()
+    choose(page, ("a.stl", make_mesh("stl")))
+    expect(page.locator("#notes")).to_contain_text('choose "z, as in CAD" under "Axis that points up"')
+    page.get_by_label("Axis that points up").select_option("z")
+    page.wait_for_url("**up=z**")
+    expect(page.locator("#notes")).not_to_contain_text("STL")
 
 
 @pytest.mark.parametrize("what", ["scene", "file"])
