@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.registry import MeshFormat
     from ciir.renderer.scene import Scene
 
+UPRIGHT = "up: an STL doesn't say which axis points up, and y is taken; if the object lies down, give up z"
+"""The note on files of CAD programs and slicers, most of which have z up."""
+
 
 def read(
     bundle: Bundle,
@@ -35,7 +38,7 @@ def read(
     bundle by name.
 
     The scene's notes list what was left out or replaced, such as a missing texture or triangles without area, and the
-    pictures in `beside` that the mesh doesn't use.
+    pictures in `beside` that the mesh doesn't use. For an STL with y up, a note says so.
 
     Raises `InvalidOption` if the file doesn't have the given `pose`. Raises `Unreadable` (also for any other error of a
     parser), `UnsupportedType`, `TooLarge` (also if memory runs out) or `InvalidGeometry` if the mesh can't be read.
@@ -61,6 +64,8 @@ def read(
     except Exception as error:
         why = clean_text(f"{type(error).__name__}: {error}")
         raise Unreadable(f"{name}: holds no {format_.name} data that can be read ({why}); export it again") from error
+    if format_.name == "STL" and placement.up == "y":
+        resolver.add_note(UPRIGHT)
     if unused := [other for other in beside if other not in resolver.used]:
         more = f" and {len(unused) - 1} more" if unused[1:] else ""
         resolver.add_note(f"{clean_text(unused[0])}{more} left out: not used by the mesh {clean_text(key)}")

@@ -19,7 +19,12 @@ Moment = dict[str, float]
 
 
 MESH = {
-    "up": Option("AXIS", "the mesh's axis that points up: y, or z as in CAD (default y)", make_name(get_args(Up)), "z"),
+    "up": Option(
+        "AXIS",
+        "the mesh's axis that points up: y, or z as in CAD (default y)",
+        replace(make_name(get_args(Up)), read=lambda _, text: text.strip().lower()),
+        "z",
+    ),
     "rotate": Option(
         "YAW,PITCH,ROLL",
         "turn a mesh by these angles in degrees, one after the other: yaw turns its front to the right, pitch its top "

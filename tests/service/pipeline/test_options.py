@@ -28,7 +28,7 @@ def test_parses_every_option():
         "backend": "raytrace", "sampling": "lenslet", "pickup": "optical", "background": "#ff8000", "pitch": "0.5",
         "delta": "1e-2", "fusion": "always", "skip": "exact", "neighbour_time": "0.25", "order": "given", "flip": "uv",
         "transpose": "yes", "depth_sense": "lenses", "arrangement": "mosaic", "crop": "1, 2,3,4", "parallax": "30",
-        "up": "z",
+        "up": " Z ",
         "rotate": "30, -20,0.5", "zoom": "1.5", "place": "-0.5", "fit": "none", "light": "-90,45", "epi": "y=3,v=1",
         "time": "0,1.5", "animation": "Run", "camera": " Front left ",
         "lens_pitch": "14.37", "lens_offset": "5.3, 8.8", "lens_rotation": "0.8", "lens_grid": "hexagonal",

@@ -6,6 +6,11 @@ import pytest
 import trimesh
 
 from ciir.errors import TooLarge
+from ciir.renderer.placement import Placement
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.inputs import read
+from ciir.renderer.readers.layout import Layout
+from ciir.renderer.readers.meshes import UPRIGHT
 from ciir.renderer.scene import Scene
 from tests.support.meshes import FRONT, assert_refused, assert_refused_in_little_memory, find_area, read_mesh
 
@@ -128,7 +133,16 @@ def test_binary_stl(text: bytes) -> None:
 def test_colours_of_stl_are_noted(text: bytes, bits: bytes) -> None:
     scene = read_stl(binary(TRIANGLE + TRIANGLE[:-2] + bits + b"\xff" * 50, 2, text))
     note = "the colours of an STL are left out; export it as PLY, OBJ or GLB"
-    assert scene.notes == ((note,) if text or bits[1] & 0x80 else ())
+    assert scene.notes == (*((note,) if text or bits[1] & 0x80 else ()), UPRIGHT)
+
+
+@pytest.mark.parametrize(
+    ("name", "up", "is_noted"), [("a.stl", "y", True), ("a.stl", "z", False), ("a.off", "y", False)]
+)
+def test_an_stl_with_y_up_is_noted(name: str, up: str, is_noted: bool) -> None:
+    data = b"OFF\n4 1 0\n" + SQUARE + b"4 0 1 2 3\n" if name == "a.off" else binary(TRIANGLE, 1)
+    scene = read(Bundle(name, name, {name: data}), Layout(), Placement(up=up))
+    assert (UPRIGHT in scene.notes) == is_noted
 
 
 @pytest.mark.parametrize("text", [b"", b"solid by a careless writer".ljust(80)])
