@@ -21,6 +21,44 @@ if TYPE_CHECKING:
 
 GHOST = 5.0
 """Pixels by which neighbouring views of a quilt may differ: above that, edges show double."""
+ROUNDING = 1e-9
+"""Share of a frame by which a point that just fits may seem to lie outside."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The rectangle of a display in the plane z = 0, around the origin, and the directions from which it is seen.
+
+    A viewer at `distance` D, at the side by `reach` D, sees the point (x, z) at `(x - reach z) / (1 - z / D)` in the
+    plane. Other directions are seen from between there and the opposite side.
+    """
+
+    size: tuple[float, float]
+    """Width and height."""
+    reach: tuple[float, float]
+    """Tangents of the outermost directions at the middle of the display, along x and y."""
+    distance: float = math.inf
+    """Distance from the plane to the viewer, or to the cameras."""
+
+    def find_leaving(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Returns which of `points`, `(..., 3)`, are outside in at least one direction, or behind the viewer:
+        `(...)`.
+        """
+        limit = np.array(self.size) / 2 * (1 + ROUNDING - points[..., 2:] / self.distance)
+        leaving: NDArray[np.bool_] = np.any(self._sweep(points) > limit, axis=-1)
+        return leaving
+
+    def find_fit(self, points: NDArray[np.float64]) -> float:
+        """Returns the largest factor by which `points`, `(n, 3)`, can be multiplied without leaving the frame in any
+        direction; inf if there is none.
+        """
+        half = np.array(self.size) / 2
+        needed = float(((self._sweep(points) + half * points[:, 2:] / self.distance) / half).max(initial=0))
+        return 1 / needed if needed > 0 else math.inf
+
+    def _sweep(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        swept: NDArray[np.float64] = np.abs(points[..., :2]) + np.abs(points[..., 2:]) * self.reach
+        return swept
 
 
 @dataclass(frozen=True)
@@ -71,9 +109,15 @@ def measure_integral(scene: Scene, display: IntegralDisplay) -> DepthBudget:
     depth `lens_pitch / tangent_step` they are closer together than the lenses, which then limit the detail; beyond it
     the lines do (the bandwidth of a light-field display, Zwicker et al., EGSR 2006).
     """
-    sharp = display.lens_pitch / display.tangent_step
-    reach = (display.tangent_range, display.tangent_range)
-    return _measure(scene, sharp, display.size, reach, "mm")
+    return _measure(scene, display.lens_pitch / display.tangent_step, frame_integral(display), "mm")
+
+
+def frame_integral(display: IntegralDisplay) -> Frame:
+    """Returns the frame of an integral display, in millimetres. A lens at its middle shows `tangent_range` to a viewer
+    far away, and a little more to one who is near, for whom more pixels belong to it.
+    """
+    reach = display.tangent_range * (1 + display.gap / display.distance)
+    return Frame(display.size, (reach, reach), display.distance)
 
 
 def describe_light_field(
@@ -180,7 +224,7 @@ def measure_quilt(scene: Scene, screen: Screen, views: int, pixels: int) -> Dept
     cameras = screen.camera_x(place_views(views))
     step = float(np.diff(cameras).max()) / screen.distance if views > 1 else 1e-9
     pixel = screen.aspect / pixels
-    return _measure_at_screen(scene, screen, GHOST * pixel / step)
+    return _measure(scene, GHOST * pixel / step, frame_screen(screen, views), "screen heights")
 
 
 def measure_lenticular(scene: Scene, screen: Screen, calibration: Calibration) -> DepthBudget:
@@ -191,17 +235,25 @@ def measure_lenticular(scene: Scene, screen: Screen, calibration: Calibration) -
     """
     lens = screen.aspect / calibration.pitch
     step = 2 * np.tan(np.radians(screen.cone) / 2) / calibration.directions
-    return _measure_at_screen(scene, screen, lens / float(step))
+    return _measure(scene, lens / float(step), frame_screen(screen), "screen heights")
 
 
-def _measure_at_screen(scene: Scene, screen: Screen, sharp: float) -> DepthBudget:
-    reach = (float(np.tan(np.radians(screen.cone) / 2)), 0.5 / screen.distance)
-    return _measure(scene, sharp, (screen.aspect, 1.0), reach, "screen heights")
+def frame_screen(screen: Screen, views: int = 2) -> Frame:
+    """Returns the frame of a screen seen by `views` cameras, in screen heights: the outermost ones decide."""
+    across = float(screen.camera_x(place_views(views)).max()) / screen.distance
+    return Frame((screen.aspect, 1.0), (across, 0.0), screen.distance)
 
 
-def _measure(
-    scene: Scene, sharp: float, size: tuple[float, float], reach: tuple[float, float], unit: str
-) -> DepthBudget:
+def find_shrinking(scene: Scene, frame: Frame, zoom: float = 1.0) -> float:
+    """Returns the factor, at most 1, that keeps a scene in the frame in all directions if its zoom is 1.
+
+    `frame_scene` fits a scene into parallel views. A viewer at a distance sees what is in front of the display larger.
+    `zoom`: the zoom that the scene was framed with.
+    """
+    return min([1.0, *(zoom * frame.find_fit(part.used_vertices()) for part in scene.parts)])
+
+
+def _measure(scene: Scene, sharp: float, frame: Frame, unit: str) -> DepthBudget:
     total = blurred = cut = 0.0
     for part in scene.parts:
         corners = part.vertices[part.faces]  # (m, 3, 3)
@@ -209,18 +261,10 @@ def _measure(
         middle = corners.mean(axis=1)
         total += area.sum()
         blurred += area[np.abs(middle[:, 2]) > sharp].sum()
-        cut += area[_leaves(middle, size, reach)].sum()
+        leaving = frame.find_leaving(part.vertices)[part.faces].sum(axis=1) + frame.find_leaving(middle)
+        cut += (area * leaving).sum() / 4  # three corners and the middle of each triangle
     low, high = scene.bounds()
     return DepthBudget(sharp, float(high[2]), float(low[2]), float(blurred / total), float(cut / total), unit)
-
-
-def _leaves(points: NDArray[np.float64], size: tuple[float, float], reach: tuple[float, float]) -> NDArray[np.bool_]:
-    """Returns whether some line through each of `points`, with tangents up to `reach`, meets the plane outside the
-    frame.
-    """
-    swept = np.abs(points[:, :2]) + np.abs(points[:, 2:]) * reach
-    leaves: NDArray[np.bool_] = np.any(swept > np.array(size) / 2, axis=1)
-    return leaves
 
 
 def _place(depth: float, unit: str) -> str:

@@ -20,6 +20,12 @@ if TYPE_CHECKING:
 
 Grid = Literal["square", "hexagonal"]
 Stripes = Literal["rgb", "bgr", "none"]
+ENTRIES = {
+    "panel": ("pixels", "ppi", "pitch", "subpixels"),
+    "lenses": ("pitch", "gap", "grid", "offset", "rotation"),
+    "viewer": ("distance",),
+}
+"""Entries of each table of a display's TOML file."""
 INCH = 25.4
 """Millimetres."""
 ROUNDING = 1e-3
@@ -134,7 +140,7 @@ def parse_display(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pi
         if data.lstrip(codecs.BOM_UTF8).lstrip().startswith(b"{"):
             why, remedy = " but JSON", "give a lenticular display's calibration as the option calibration"
         raise Unreadable(f"{name}: not TOML{why}; {remedy}") from error
-    panel, lenses, viewer = (_Table(found.pop(key, {}), key, name) for key in ("panel", "lenses", "viewer"))
+    panel, lenses, viewer = (_Table(found.pop(key, {}), key, known, name) for key, known in ENTRIES.items())
     if found:
         raise InvalidOption(
             f"{name}: [{clean_text(min(found))[:40]}] is not known; give [panel], [lenses] and [viewer]"
@@ -158,8 +164,6 @@ def parse_display(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pi
         rotation=lenses.number("rotation", -360, 360, 0.0),
         distance=viewer.number("distance", 1e-3, 1e9, math.inf),
     )
-    for table in (panel, lenses, viewer):
-        table.check_all_read()
     if display.lens_pitch < 2 * display.pixel_pitch:
         raise InvalidOption(
             f"{name}: a lens of {display.lens_pitch:g} mm over pixels of {display.pixel_pitch:g} mm; a lens covers at "
@@ -174,19 +178,20 @@ def parse_display(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pi
 
 
 class _Table:
-    """A table of the file that records which entries were read."""
+    """A table of the file. Raises `InvalidOption` if it has an entry that is not `known`."""
 
-    def __init__(self, entries: Any, title: str, name: str) -> None:
+    def __init__(self, entries: Any, title: str, known: tuple[str, ...], name: str) -> None:
         if not isinstance(entries, dict):
             raise InvalidOption(f"{name}: {title} is not a table; write [{title}] on a line of its own")
+        unknown = sorted(set(entries) - set(known))
+        if unknown:
+            raise InvalidOption(f"{name}: {title}.{clean_text(unknown[0])[:40]} is not known; give {', '.join(known)}")
         self._entries, self._title, self._name = entries, title, name
-        self._read: set[str] = set()
 
     def has(self, key: str) -> bool:
         return key in self._entries
 
     def number(self, key: str, low: float, high: float, default: float | None = None) -> float:
-        self._read.add(key)
         if default is not None and key not in self._entries:
             return default
         value = self._entries.get(key)
@@ -197,7 +202,6 @@ class _Table:
     def pair(
         self, key: str, low: float, high: float, default: tuple[float, float] | None = None
     ) -> tuple[float, float]:
-        self._read.add(key)
         value = self._entries.get(key, default)
         if not isinstance(value, list | tuple) or len(value) != 2:
             raise self._refuse(key, value, "two numbers, as in [3840, 2160]")
@@ -207,18 +211,10 @@ class _Table:
         return value[0], value[1]
 
     def word(self, key: str, default: str, known: tuple[Any, ...]) -> Any:
-        self._read.add(key)
         value = self._entries.get(key, default)
         if value not in known:
             raise self._refuse(key, value, " or ".join(f'"{word}"' for word in known))
         return value
-
-    def check_all_read(self) -> None:
-        unknown = sorted(set(self._entries) - self._read)
-        if unknown:
-            key = clean_text(unknown[0])[:40]
-            known = ", ".join(sorted(self._read))
-            raise InvalidOption(f"{self._name}: {self._title}.{key} is not known; give {known}")
 
     def _refuse(self, key: str, value: object, remedy: str) -> InvalidOption:
         what = "missing" if value is None else f"{clean_text(str(value))[:40]!r}"

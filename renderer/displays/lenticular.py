@@ -33,6 +33,10 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
 
 
+PATTERN = "the display's subpixels form a pattern: they are treated as stripes of red, green and blue"
+INVERTED = "calibration: invView is 0: lenses on a print then show depth inverted; give invView 1 for a print"
+
+
 @dataclass(frozen=True)
 class Calibration:
     """A display's calibration, in the units of the formula above."""
@@ -90,7 +94,8 @@ def parse_calibration(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMIT
     It may also be the entry `calibration` of an object. An entry `"subpixels"`, which displays don't store, is `"rgb"`,
     `"bgr"` or, for prints, `"none"`, and replaces `flipSubp`.
 
-    Raises `Unreadable` if a number is missing or out of range, `TooLarge` over `max_pixels`.
+    A note advises prints against `invView` 0. Raises `Unreadable` if a number is missing or out of range, or lenses
+    cover fewer than 2 places for views, and `TooLarge` over `max_pixels`.
     """
     try:
         found = json.loads(data)
@@ -114,20 +119,28 @@ def parse_calibration(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMIT
         )
     mirrored = _is_set(found, "flipImageX", name)
     pattern = _read(found, "CellPatternMode", name, (0, 100), 0.0)
-    notes = ("the display's subpixels form a pattern: they are treated as stripes of red, green and blue",)
-    return Calibration(
+    stripes = _read_stripes(found, name)
+    is_inverted = _is_set(found, "invView", name)
+    calibration = Calibration(
         width=int(width),
         height=int(height),
         pitch=pitch * width / dpi * float(np.cos(np.arctan(1 / slope))),
         tilt=height / (width * slope) * (-1 if mirrored else 1),
         center=_read(found, "center", name, (-1e4, 1e4)),
         ppi=dpi,
-        is_inverted=_is_set(found, "invView", name),
+        is_inverted=is_inverted,
         flips=(mirrored, _is_set(found, "flipImageY", name)),
-        stripes=_read_stripes(found, name),
+        stripes=stripes,
         cone=_read(found, "viewCone", name, (1, 120), 40.0),
-        notes=notes if pattern else (),
+        notes=(*((PATTERN,) if pattern else ()), *((INVERTED,) if stripes == "none" and not is_inverted else ())),
     )
+    if calibration.directions < 2:
+        places = "pixels" if stripes == "none" else "subpixels"
+        raise Unreadable(
+            f"{name}: {places} under a lens: {calibration.directions:.4g}, and at least 2 are needed; check pitch, the "
+            "lenses per inch, and DPI"
+        )
+    return calibration
 
 
 def _read(found: dict[str, Any], key: str, name: str, span: tuple[float, float], default: float | None = None) -> float:

@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import InvalidOption
-from ciir.renderer.displays.depth_budget import measure_integral, measure_lenticular, measure_quilt
+from ciir.renderer.displays.depth_budget import (
+    find_shrinking,
+    frame_integral,
+    frame_screen,
+    measure_integral,
+    measure_lenticular,
+    measure_quilt,
+)
 from ciir.renderer.displays.devices import Quilt, match_views
 from ciir.renderer.displays.integral import IntegralDisplay
 from ciir.renderer.displays.lenticular import Calibration
@@ -36,6 +43,8 @@ from ciir.service.pipeline.source import Input
 from ciir.service.pipeline.stages.object_check import ObjectCheck
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from ciir.renderer.displays.pictures import Kind, Target
     from ciir.renderer.displays.quilt import QuiltLayout, QuiltName
     from ciir.renderer.lens_array import LensArray
@@ -85,7 +94,7 @@ def make_picture(
             options = replace(options, place=0.0)
         check_rays(count_rays(target, options), max_pixels)
         with clock.stage("render"):
-            matrix = frame_scene(opened, _find_array(target), options.placement)
+            matrix = _place_scene(opened, options, target)
             picture = _render(opened.transform(matrix), options, target, progress)
     else:
         if isinstance(target, Quilt):
@@ -160,6 +169,20 @@ def _check_options(name: str, content: Content, options: Options, target: Target
         raise InvalidOption("backend: pictures for displays are ray-traced; leave it out or give raytrace")
     if is_mesh and isinstance(target, Calibration) and options.sampling != Options.sampling:
         raise InvalidOption("sampling: a native picture takes one ray for each subpixel; leave it out")
+
+
+def _place_scene(scene: Scene, options: Options, target: Target) -> NDArray[np.float64]:
+    """Returns the 4x4 matrix that places a mesh at the display, so that with a zoom of 1 nothing leaves the frame."""
+    matrix = frame_scene(scene, _find_array(target), options.placement)
+    if options.fit == "none" or scene.window is not None:
+        return matrix
+    if isinstance(target, IntegralDisplay):
+        frame = frame_integral(target)
+    else:
+        frame = frame_screen(_find_screen(target), target.layout.count if isinstance(target, Quilt) else 2)
+    factor = find_shrinking(scene.transform(matrix), frame, options.zoom)
+    shrinking: NDArray[np.float64] = np.diag([factor, factor, factor, 1.0]) @ matrix
+    return shrinking
 
 
 def _find_array(target: Target) -> LensArray:

@@ -1,21 +1,26 @@
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import ciir
 from ciir.renderer.displays.depth_budget import (
+    Frame,
     describe_light_field,
     describe_native,
     describe_row,
+    find_shrinking,
+    frame_integral,
+    frame_screen,
     measure_integral,
     measure_lenticular,
     measure_quilt,
 )
 from ciir.renderer.displays.integral import IntegralDisplay
 from ciir.renderer.displays.light_fields import order_as_cameras
-from ciir.renderer.displays.screen import Screen
+from ciir.renderer.displays.screen import Screen, place_views
 from ciir.renderer.scene import Part, Scene
 from tests.support.displays import make_calibration
 from tests.support.light_fields import make_views
@@ -59,6 +64,55 @@ def test_what_leaves_the_frame_in_some_direction_is_counted():
     budget = measure_integral(make_sheets((-39, 42, 1), (39, -47, 1), (0, 47, 1), (0, -47, 1)), DISPLAY)
     assert budget.cut == pytest.approx(0.25)
     assert budget.notes()[1] == "depth: 25 % of the surface leaves the frame in some directions"
+
+
+@pytest.mark.parametrize("views", [1, 2, 48])
+def test_points_leave_the_frame_as_the_cameras_of_a_quilt_see_them(views):
+    screen = Screen(0.75, 40.0)
+    points = np.random.default_rng(0).uniform((-0.5, -0.6, -1), (0.5, 0.6, 1.5), (4000, 3))
+    leaves = np.zeros(len(points), bool)
+    for x in screen.camera_x(place_views(views)):
+        camera = np.array([x, 0, screen.distance])
+        seen = camera + (points - camera) * (screen.distance / (screen.distance - points[:, 2:]))
+        leaves |= (np.abs(seen[:, :2]) > [0.375, 0.5]).any(axis=1)
+    assert 0.2 < leaves.mean() < 0.9
+    assert (frame_screen(screen, views).find_leaving(points) == leaves).all()
+
+
+def test_points_leave_the_frame_as_the_lenses_of_a_panel_show_them():
+    """Of all lines that a wide panel shows in one row, those through a point end between the same places."""
+    display = IntegralDisplay(40_000, 1, 0.01, 0.2, 3.0, stripes="none", distance=300.0)
+    lens, tangent = (found[:, 0, 0] for found in display.trace_row(0))
+    for x, z in ((0, 60), (12, 60), (20, -80), (-20, 30)):
+        ends = lens[np.abs(lens - z * tangent - x) < 0.2]
+        edge = np.abs(ends).max()
+        wide, narrow = (replace(frame_integral(display), size=(2 * (edge + off), 1e9)) for off in (0.3, -0.3))
+        assert not wide.find_leaving(np.array([x, 0, z]))
+        assert narrow.find_leaving(np.array([x, 0, z]))
+
+
+def test_what_lies_behind_the_viewer_leaves_the_frame():
+    frame = Frame((2, 2), (0.3, 0.3), 5)
+    assert frame.find_leaving(np.array([[0, 0, 4.9], [0, 0, 5], [0, 0, 6]])).tolist() == [True, True, True]
+    assert not frame.find_leaving(np.array([0, 0, 2.0]))
+
+
+def test_a_corner_that_leaves_the_frame_counts():
+    """A quarter of each triangle stands for each of its corners and for its middle."""
+    budget = measure_quilt(make_sheets((0, 0.3, 0.2)), Screen(0.75), 48, 420)
+    assert budget.cut == pytest.approx(0.375)  # of two triangles, one has one corner beyond 0.375, the other two
+
+
+@pytest.mark.parametrize("zoom", [0.5, 1.0, 2.0])
+def test_a_scene_shrinks_by_as_much_as_leaves_the_frame(zoom):
+    frame, scene = frame_screen(Screen(0.75), 48), make_sheets((0.5, 0, 0.5), (-0.5, 0, 0.4))
+    factor = find_shrinking(scene, frame)
+    assert 0.5 < factor < 1
+    points = np.concatenate([part.vertices for part in scene.parts])
+    assert not frame.find_leaving(factor * points).any()
+    assert frame.find_leaving(1.0001 * factor * points).any()
+    assert find_shrinking(scene.transform(np.diag([zoom, zoom, zoom, 1])), frame, zoom) == pytest.approx(factor)
+    assert find_shrinking(make_sheets((0.1, 0, 0.1)), frame) == 1
 
 
 def test_content_that_moves_too_far_between_views_is_noted():

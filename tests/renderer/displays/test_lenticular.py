@@ -2,17 +2,20 @@
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
 
 from ciir.errors import TooLarge, Unreadable
-from ciir.renderer.displays.lenticular import interlace, parse_calibration
+from ciir.renderer.displays.integral import INCH, IntegralDisplay
+from ciir.renderer.displays.lenticular import INVERTED, interlace, parse_calibration
+from ciir.renderer.displays.panel import resample_panel
 from ciir.renderer.displays.quilt import QuiltLayout, join_views, split_quilt
 from ciir.renderer.displays.rays import RayCaster
 from ciir.renderer.displays.screen import Screen
 from tests.support.displays import CALIBRATION, load_at, make_calibration
-from tests.support.paths import SHARED
+from tests.support.paths import ROOT, SHARED
 
 QUILT = QuiltLayout(8, 6, 1.5)
 BACKGROUND = (30, 60, 90)
@@ -140,6 +143,59 @@ def test_prints_have_all_colours_of_a_pixel_at_one_place():
     assert np.ptp(interlace(grey, plain), axis=2).max() == 0
     bgr = parse_calibration(json.dumps(CALIBRATION | {"subpixels": "bgr"}).encode(), name="c.json")
     assert bgr == make_calibration(flipSubp=1.0)
+
+
+def read_documented_print():
+    """The calibration of a print in docs/displays.md."""
+    (found,) = re.findall(r"```json\n(.*?)```", (ROOT / "docs/displays.md").read_text(), re.DOTALL)
+    return json.loads(found)
+
+
+@pytest.mark.parametrize("inverted", [1, 0])
+def test_lenses_of_the_documented_print_have_the_order_of_a_panels(inverted):
+    """The views, from the left, have rising levels, which fall from left to right under a lens: the pixel at its left
+    is seen from the right. Both pictures are 18 whole lenses wide.
+    """
+    numbers = read_documented_print()
+    columns = round(numbers["DPI"] / numbers["pitch"])
+    changed = numbers | {"screenW": 18 * columns, "screenH": 2 * columns} | ({} if inverted else {"invView": 0})
+    calibration = parse_calibration(json.dumps(changed).encode(), name="c.json")
+    assert calibration.notes == (() if inverted else (INVERTED,))
+    views = np.broadcast_to(np.linspace(0, 255, 48).round().astype(np.uint8)[:, None, None, None], (48, 4, 36, 1))
+    lens, pixel = INCH / numbers["pitch"], INCH / numbers["DPI"]
+    display = IntegralDisplay(18 * columns, 2 * columns, pixel, lens, 3 * lens, offset=(lens / 2, 0), stripes="none")
+    both = interlace(views, calibration), resample_panel(views[None], display)
+    prints, panels = (found[columns, :, 0] for found in both)
+    assert (np.diff(panels.reshape(18, columns).astype(int)) < 0).all()
+    orders = [np.argsort(levels.reshape(18, columns)).tolist() for levels in (prints, panels)]
+    assert (orders[0] == orders[1]) == bool(inverted)
+
+
+def test_a_calibration_without_invview_is_noted_for_a_print_only():
+    numbers = read_documented_print()
+    del numbers["invView"]
+    assert parse_calibration(json.dumps(numbers).encode(), name="c.json").notes == (INVERTED,)
+    del numbers["subpixels"]
+    assert parse_calibration(json.dumps(numbers).encode(), name="c.json").notes == ()
+
+
+@pytest.mark.parametrize(
+    ("stripes", "pitch", "message"),
+    [
+        ("none", 600, "pixels under a lens: 1, and at least 2 are needed; check pitch, the lenses per inch, and DPI"),
+        ("none", 301, "pixels under a lens: 1.993,"),
+        ("rgb", 901, "subpixels under a lens: 1.998,"),
+        ("none", 300, None),
+        ("rgb", 900, None),
+    ],
+)
+def test_lenses_that_cover_fewer_than_two_places_are_refused(stripes, pitch, message):
+    numbers = read_documented_print() | {"subpixels": stripes, "pitch": pitch, "DPI": 600}
+    if message is None:
+        assert parse_calibration(json.dumps(numbers).encode(), name="c.json").directions == pytest.approx(2)
+        return
+    with pytest.raises(Unreadable, match=f"^c.json: {message}"):
+        parse_calibration(json.dumps(numbers).encode(), name="c.json")
 
 
 def test_rays_make_the_same_native_picture_directly():

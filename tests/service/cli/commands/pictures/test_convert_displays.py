@@ -230,6 +230,28 @@ def test_meshes_and_light_fields_become_a_panels_picture(folder, capsys):
     assert json.loads((folder / "r.json").read_text())["display"]["distance"] is None
 
 
+@pytest.mark.parametrize("to", ["-o q_qs4x1a0.75.png", "-o n.png --calibration c.json", "-o p.png --display near.toml"])
+@pytest.mark.parametrize("place", ["-1", "0", "1"])
+def test_a_mesh_fits_into_every_view(folder, capsys, to, place):
+    """A cuboid, whose nearest corners a viewer at a distance sees larger than a distant one does."""
+    (folder / "near.toml").write_text(f"{PANEL}[viewer]\ndistance = 20\n")
+    (folder / "box.obj").write_text(make_box(1, 1, 1))
+    assert convert(f"box.obj {to} --place {place} --report r.json") == 0
+    assert "leaves the frame" not in capsys.readouterr().err
+    framed = json.loads((folder / "r.json").read_text())["scene_transform"]
+    assert convert(f"box.obj {to} --place {place} --zoom 1.5 --report r.json") == 0
+    assert "of the surface leaves the frame in some directions" in capsys.readouterr().err
+    zoomed = json.loads((folder / "r.json").read_text())["scene_transform"]
+    assert np.array(zoomed)[:3] == pytest.approx(1.5 * np.array(framed)[:3])
+
+
+def make_box(*sides):
+    """An OBJ of a cuboid."""
+    corners = np.array(list(np.ndindex(2, 2, 2))) * sides
+    lines = [f"v {x} {y} {z}" for x, y, z in corners.tolist()]
+    return "\n".join([*lines, "f 1 2 4 3", "f 5 7 8 6", "f 1 5 6 2", "f 3 4 8 7", "f 1 3 7 5", "f 2 6 8 4"])
+
+
 def test_with_fit_none_a_mesh_stays_at_its_own_place(folder):
     """A square 2 mm wide, 1 mm to the right of the panel's middle, in the plane of its lenses."""
     (folder / "a.obj").write_text("v 0 -1 0\nv 2 -1 0\nv 2 1 0\nv 0 1 0\nf 1 2 3 4\n")
