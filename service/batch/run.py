@@ -48,6 +48,8 @@ class Batch:
         self._address: str | None = None
         self._client: Client
         self._ended: queue.SimpleQueue[Future[Outcome]] = queue.SimpleQueue()
+        self.stopped: list[Task] = []
+        """Tasks that were on their way when the batch was interrupted. Their outputs may be there."""
 
     def start_local(self, workers: int, memory: int | None) -> None:
         """Starts worker processes on this machine with `engines.open_local`."""
@@ -98,6 +100,7 @@ class Batch:
                     waiting.extendleft(reversed(following))
                     report(task, last, len(following))
         except BaseException:
+            self.stopped = list(running.values())
             self._client.cancel(list(running), force=True)
             raise
 

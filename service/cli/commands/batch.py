@@ -19,9 +19,8 @@ from ciir.service.pipeline.source import SCENE
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
-    from ciir.service.batch.places import Outputs
     from ciir.service.batch.run import Report
     from ciir.service.batch.summary import Summary
     from ciir.service.batch.task import Outcome, Task
@@ -43,6 +42,7 @@ def run(args: argparse.Namespace) -> None:
         raise InvalidOption("--workers, --worker-memory: these are for workers on this machine; leave them out")
     from ciir.service.batch import inputs
     from ciir.service.batch.places import Outputs
+    from ciir.service.batch.record import Record
     from ciir.service.batch.run import Batch
     from ciir.service.batch.summary import Summary
     from ciir.service.batch.task import Request
@@ -55,8 +55,16 @@ def run(args: argparse.Namespace) -> None:
     place = _resolve_outputs(args.out, args.inputs, [each.source for each in found])
     frames = {name: str(Path(path).resolve()) for name in ("white", "dark") if (path := getattr(args, name))}
     request = Request(options, place, uuid.uuid4().hex, **frames)
-    outputs, summary = Outputs(place), Summary(tasks)
-    with outputs.lock(), _finishing(summary, outputs), Batch(request) as batch, _showing(len(tasks)) as show:
+    outputs, summary, batch = Outputs(place), Summary(tasks), Batch(request)
+
+    def finish() -> None:
+        for task in batch.stopped:
+            record = Record(outputs, task, request)
+            if task.part is None and record.is_of(request.run):  # it was finished after the command was interrupted
+                summary.add(task, record.outcome)
+        summary.write(outputs)
+
+    with outputs.lock(), _finishing(args.out, summary, finish), batch, _showing(len(tasks)) as show:
         if args.cluster:
             batch.connect(args.cluster)
         else:
@@ -68,27 +76,35 @@ def run(args: argparse.Namespace) -> None:
             show(task, outcome, added)
 
         batch.run(tasks, report)
-    _print_summary(args.out, summary)
+    common.print_line(_describe(args.out, summary))
     if summary.count()["failed"]:
         raise SystemExit(SOME_FAILED)
 
 
-def _print_summary(out: str, summary: Summary) -> None:
+def _describe(out: str, summary: Summary) -> str:
+    """Says in one line how many inputs are done."""
     counts, found = summary.count(), summary.describe()
     parts = [f"{counts['done']} of {found['inputs']} inputs done"]
     parts += [f"{counts['kept']} done before"] if counts["kept"] else []
     parts += [f"{counts['failed']} failed: summary.csv says why"] if counts["failed"] else []
     rate = f", {counts['done'] / found['seconds']:.2g} a second" if counts["done"] else ""
-    common.print_line(f"{out}: {', '.join(parts)} ({found['seconds']:.0f} s{rate})")
+    return f"{out}: {', '.join(parts)} ({found['seconds']:.0f} s{rate})"
 
 
 @contextmanager
-def _finishing(summary: Summary, outputs: Outputs) -> Iterator[None]:
-    """Writes the summary at the end of the block, even if the block is interrupted."""
+def _finishing(out: str, summary: Summary, finish: Callable[[], None]) -> Iterator[None]:
+    """Calls `finish` at the end of the block. If the block is interrupted, prints how far it came and how to go on."""
     try:
         yield
-    finally:
-        summary.write(outputs)
+    except Exception:
+        finish()
+        raise
+    except BaseException:
+        finish()
+        line = f"ciir: {_describe(out, summary)}; the same command continues"
+        print(line, file=sys.stderr, flush=True)
+        raise
+    finish()
 
 
 @contextmanager
@@ -107,7 +123,7 @@ def _showing(total: int) -> Iterator[Report]:
             nonlocal done, shown, total
             done, total = done + 1, total + added
             if outcome is not None and outcome.status == "failed":
-                what = outcome.error if outcome.error.startswith(task.source) else f"{task.source}: {outcome.error}"
+                what = _name_once(task.source, outcome.error)
                 tqdm.write(f"ciir: {format_message(what, [task.source])}", file=sys.stderr)
             bar.total = total
             bar.update()
@@ -118,6 +134,13 @@ def _showing(total: int) -> Iterator[Report]:
                 print(line, file=sys.stderr, flush=True)
 
         yield show
+
+
+def _name_once(source: str, error: str) -> str:
+    """Returns the error with the whole name of the input before it, which an error may begin with, or its last part."""
+    if error.startswith(source):
+        return error
+    return f"{source}: {error.removeprefix(f'{PurePosixPath(source).name}: ')}"
 
 
 def _resolve_outputs(text: str, inputs: list[str], sources: list[str]) -> str:

@@ -60,10 +60,12 @@ def test_a_worker_is_killed_and_ctrl_c_stops_the_batch_which_then_goes_on(folder
         wait_until(lambda: (new := find_worker(process)) and new.pid != killed.pid and count_outputs(folder) >= 3)
         press_ctrl_c(process)
         errors = process.communicate(timeout=60)[1]
-    assert (process.returncode, errors.splitlines()[-1]) == (130, "ciir: interrupted")
     first = json.loads((folder / "out" / "summary.json").read_bytes())
-    assert first["done"] >= 1  # an output may be there whose outcome was not collected yet
+    assert first["done"] == count_outputs(folder) >= 3
     assert first["not_done"] >= 1
+    assert (process.returncode, errors.splitlines()[-1]) == (130, "ciir: interrupted")
+    assert f"out: {first['done']} of {INPUTS} inputs done" in errors.splitlines()[-2]
+    assert errors.splitlines()[-2].endswith("; the same command continues")
     assert first["done"] + first["not_done"] == INPUTS
     assert not (folder / "out" / ".batch" / "scratch").exists()
     with start(folder) as process:
@@ -80,6 +82,8 @@ def test_ctrl_c_while_the_workers_start(folder):
         wait_until(lambda: find_worker(process))
         press_ctrl_c(process)
         errors = process.communicate(timeout=60)[1]
-    assert (process.returncode, errors) == (130, "ciir: interrupted\n")
+    lines = errors.splitlines()
+    assert (process.returncode, len(lines), lines[-1]) == (130, 2, "ciir: interrupted")
+    assert f"out: 0 of {INPUTS} inputs done" in lines[0]
     summary = json.loads((folder / "out" / "summary.json").read_bytes())
     assert summary["not_done"] == INPUTS

@@ -14,6 +14,7 @@ from ciir.renderer.writers.pictures import encode_png
 from ciir.service.batch import parts, places
 from ciir.service.batch.task import Request, Task
 from ciir.service.batch.work import work
+from ciir.service.cli.commands import batch as command
 from ciir.service.cli.main import main
 from ciir.service.pipeline.options import Options
 from tests.support.inputs import CUBE
@@ -242,7 +243,7 @@ def test_errors_name_options_as_they_are_typed(tmp_path, capsys):
     with pytest.raises(SystemExit):
         main(["batch", source, "-o", str(tmp_path / "out"), "--workers", "1", "--lens-pitch", "auto"])
     errors = capsys.readouterr().err
-    assert f"ciir: {source}: all_in_focus.png: shows no lens grid" in errors
+    assert f"ciir: {source}: shows no lens grid" in errors
     assert "leave --lens-pitch out" in errors
     assert "lens_pitch" not in errors
 
@@ -255,3 +256,8 @@ def test_a_joined_report_has_the_reasons_and_notes_of_every_part():
     joined = parts._join_reports([make_report("a", "x"), make_report("b", "x")], Options())
     assert joined["plan"]["reasons"] == ["one for all", "a", "b", "made in 2 parts, whose times are added up"]
     assert (joined["notes"], joined["plan"]["predicted_ms"], joined["timings_ms"]) == (["x"], 2.0, {"total": 4.0})
+
+
+@pytest.mark.parametrize("error", ["broken.png: it ends", "it ends", "/in/broken.png: it ends"])
+def test_an_error_names_its_input_once(error):
+    assert command._name_once("/in/broken.png", error) == "/in/broken.png: it ends"
