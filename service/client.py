@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import asyncio
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import httpx2
@@ -29,6 +28,7 @@ from ciir.service.pipeline.options import KINDS
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Iterator, Mapping
 
+    from ciir.service.client_messages import File
     from ciir.service.pipeline.options import KindName
 
 __all__ = ["AsyncClient", "AsyncJob", "Client", "Event", "Job", "Result"]
@@ -41,9 +41,10 @@ _WAIT = {"Prefer": "wait=30"}
 class Client(httpx2.Client):
     """A connection to the server at `url`. Don't share it between threads.
 
-    `source` is a file, a folder, which is sent as a zip, or `scene:NAME`. `options` are those of the command, as
-    `ciir.reconstruct` takes them: pairs as `(50, 50)`, or text as on the command line; and `format`. All methods raise
-    `ciir.Error`.
+    `source` is the path of a file or a folder, which is sent as a zip; `scene:NAME`; or a file's content, as bytes or
+    as a file object opened for reading bytes, whose `name`, if it has one, gives the suffix. `options` are those of the
+    command, as `ciir.reconstruct` takes them: pairs as `(50, 50)`, or text as on the command line; and `format`. All
+    methods raise `ciir.Error`.
     """
 
     def __init__(
@@ -75,60 +76,64 @@ class Client(httpx2.Client):
             failures += 1
             time.sleep(messages.find_pause(response, failures, self.retries))
 
-    def reconstruct(self, source: str | Path, **options: object) -> Result:
+    def reconstruct(self, source: File, **options: object) -> Result:
         """Sends a mesh, an elemental image array or views, and waits for the views."""
         return self._run("reconstruction", source, options)
 
-    def upscale(self, source: str | Path, **options: object) -> Result:
+    def upscale(self, source: File, **options: object) -> Result:
         """Sends a picture and waits for the larger one."""
         return self._run("upscale", source, options)
 
-    def render_eia(self, source: str | Path, **options: object) -> Result:
+    def render_eia(self, source: File, **options: object) -> Result:
         """Sends a mesh and waits for its elemental image array."""
         return self._run("elemental", source, options)
 
-    def make_display_picture(self, source: str | Path, **options: object) -> Result:
+    def make_display_picture(self, source: File, **options: object) -> Result:
         """Sends a mesh, an elemental image array or views, and waits for a display picture.
 
         `calibration` and `display` are paths.
         """
         return self._run("display", source, options)
 
-    def refocus(self, source: str | Path, **options: object) -> Result:
+    def refocus(self, source: File, **options: object) -> Result:
         """Sends a light field or a mesh and waits for depth planes."""
         return self._run("plane", source, options)
 
-    def disparity(self, source: str | Path, **options: object) -> Result:
+    def disparity(self, source: File, **options: object) -> Result:
         """Sends a light field or a mesh and waits for the disparity of a view."""
         return self._run("disparity", source, options)
 
-    def inspect(self, source: str | Path, **options: object) -> dict[str, Any]:
+    def inspect(self, source: File, **options: object) -> dict[str, Any]:
         """Sends any file that a reconstruction takes, and returns what it contains, as `POST /v1/inspections` does."""
         return messages.read_inspection(self._run("inspection", source, options))
 
-    def submit(self, source: str | Path, kind: KindName = "reconstruction", **options: object) -> Job:
+    def submit(self, source: File, kind: KindName = "reconstruction", **options: object) -> Job:
         """Sends `source` and returns its job without waiting."""
         return Job(self, messages.read_path(self._post(kind, source, options, {"Prefer": "respond-async"})))
 
     def job(self, id_: str, kind: KindName = "reconstruction") -> Job:
-        """Returns the job with that id, which any client may have submitted. Nothing is sent yet."""
+        """Returns the job with that id, which any client may have submitted. Nothing is sent yet.
+
+        `kind`: `reconstruction`, `upscale`, `elemental`, `display`, `plane`, `disparity` or `inspection`. Raises
+        `InvalidOption`.
+        """
         return Job(self, messages.make_path(id_, kind))
 
     def models(self) -> list[dict[str, Any]]:
         """Lists the models of the server."""
         return messages.read_models(self.get("/v1/models"))
 
-    def _run(self, kind: KindName, source: str | Path, options: Mapping[str, object]) -> Result:
+    def _run(self, kind: KindName, source: File, options: Mapping[str, object]) -> Result:
         response = self._post(kind, source, options, _WAIT)
         if response.status_code == 200:
             return messages.read_result(response)
         return Job(self, messages.read_path(response)).result()
 
     def _post(
-        self, kind: KindName, source: str | Path, options: Mapping[str, object], headers: Mapping[str, str]
+        self, kind: KindName, source: File, options: Mapping[str, object], headers: Mapping[str, str]
     ) -> httpx2.Response:
         fields = messages.write_fields(kind, options)
-        field, name, file = messages.open_source(Path(source))
+        field, name, file = messages.open_source(source)
         with file:
             return self.post(f"/v1/{KINDS[kind].plural}", files={field: (name, file)}, data=fields, headers=headers)
 
@@ -162,35 +167,35 @@ class AsyncClient(httpx2.AsyncClient):
             failures += 1
             await asyncio.sleep(messages.find_pause(response, failures, self.retries))
 
-    async def reconstruct(self, source: str | Path, **options: object) -> Result:
+    async def reconstruct(self, source: File, **options: object) -> Result:
         """See `Client.reconstruct`."""
         return await self._run("reconstruction", source, options)
 
-    async def upscale(self, source: str | Path, **options: object) -> Result:
+    async def upscale(self, source: File, **options: object) -> Result:
         """See `Client.upscale`."""
         return await self._run("upscale", source, options)
 
-    async def render_eia(self, source: str | Path, **options: object) -> Result:
+    async def render_eia(self, source: File, **options: object) -> Result:
         """See `Client.render_eia`."""
         return await self._run("elemental", source, options)
 
-    async def make_display_picture(self, source: str | Path, **options: object) -> Result:
+    async def make_display_picture(self, source: File, **options: object) -> Result:
         """See `Client.make_display_picture`."""
         return await self._run("display", source, options)
 
-    async def refocus(self, source: str | Path, **options: object) -> Result:
+    async def refocus(self, source: File, **options: object) -> Result:
         """See `Client.refocus`."""
         return await self._run("plane", source, options)
 
-    async def disparity(self, source: str | Path, **options: object) -> Result:
+    async def disparity(self, source: File, **options: object) -> Result:
         """See `Client.disparity`."""
         return await self._run("disparity", source, options)
 
-    async def inspect(self, source: str | Path, **options: object) -> dict[str, Any]:
+    async def inspect(self, source: File, **options: object) -> dict[str, Any]:
         """See `Client.inspect`."""
         return messages.read_inspection(await self._run("inspection", source, options))
 
-    async def submit(self, source: str | Path, kind: KindName = "reconstruction", **options: object) -> AsyncJob:
+    async def submit(self, source: File, kind: KindName = "reconstruction", **options: object) -> AsyncJob:
         """See `Client.submit`."""
         return AsyncJob(self, messages.read_path(await self._post(kind, source, options, {"Prefer": "respond-async"})))
 
@@ -202,17 +207,17 @@ class AsyncClient(httpx2.AsyncClient):
         """See `Client.models`."""
         return messages.read_models(await self.get("/v1/models"))
 
-    async def _run(self, kind: KindName, source: str | Path, options: Mapping[str, object]) -> Result:
+    async def _run(self, kind: KindName, source: File, options: Mapping[str, object]) -> Result:
         response = await self._post(kind, source, options, _WAIT)
         if response.status_code == 200:
             return messages.read_result(response)
         return await AsyncJob(self, messages.read_path(response)).result()
 
     async def _post(
-        self, kind: KindName, source: str | Path, options: Mapping[str, object], headers: Mapping[str, str]
+        self, kind: KindName, source: File, options: Mapping[str, object], headers: Mapping[str, str]
     ) -> httpx2.Response:
         fields = messages.write_fields(kind, options)
-        field, name, file = await to_thread.run_sync(messages.open_source, Path(source))
+        field, name, file = await to_thread.run_sync(messages.open_source, source)
         with file:
             return await self.post(
                 f"/v1/{KINDS[kind].plural}", files={field: (name, file)}, data=fields, headers=headers

@@ -31,11 +31,15 @@ from ciir.service.pipeline.options import FILE_TYPES, KINDS, write_texts
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
+    from os import PathLike
 
     import httpx2
     from httpx2 import ServerSentEvent
 
     from ciir.service.pipeline.options import KindName
+    from ciir.service.pipeline.source import SupportsRead
+
+    File = str | PathLike[str] | bytes | SupportsRead
 
 T = TypeVar("T")
 FINAL = frozenset({"done", "failed", "cancelled"})
@@ -163,18 +167,22 @@ def write_fields(kind: KindName, options: Mapping[str, object]) -> dict[str, str
     return write_texts(rest | texts, known) | ({} if form is None else {"format": str(form)})
 
 
-def open_source(path: Path) -> tuple[str, str | None, IO[bytes]]:
-    """Returns the form's field, the file's name and the content to send. Raises `Unreadable`.
+def open_source(source: File) -> tuple[str, str | None, IO[bytes]]:
+    """Returns the form's field, the file's name and the content to send. Raises `InputError`.
 
     The content is a file, or a folder's files as a zip, with the same bytes for the same files, or the name of a
-    shipped scene.
+    shipped scene. A file object is read here, and left open.
     """
     from ciir.renderer.readers.bundle import Folder
     from ciir.service.pipeline.limits import read_limits
-    from ciir.service.pipeline.source import SCENE
+    from ciir.service.pipeline.source import SCENE, read_given
 
-    if str(path).startswith(SCENE):
-        return "scene", None, io.BytesIO(str(path).removeprefix(SCENE).encode())
+    given = read_given(source)
+    if not isinstance(given, str):
+        return "file", Path(given[0]).name or "file", io.BytesIO(given[1])
+    if given.startswith(SCENE):
+        return "scene", None, io.BytesIO(given.removeprefix(SCENE).encode())
+    path = Path(given)
     try:
         if not path.is_dir():
             return "file", path.name, path.open("rb")

@@ -276,16 +276,24 @@ def _make_pose(options: Options) -> MeshPose:
 def open_path(path: str | PathLike[str] | bytes | SupportsRead) -> Source:
     """Opens a path like `open_source`, or the content of one file or zip.
 
-    The content is given as bytes or as a file object opened for reading bytes, whose `name`, if it has one, gives the
-    suffix. Raises `InvalidOption` for anything else.
+    The content is given as in `read_given`. Raises `InputError`.
+    """
+    given = read_given(path)
+    return open_source(given) if isinstance(given, str) else Bundle.from_upload(*given, read_limits())
+
+
+def read_given(path: str | PathLike[str] | bytes | SupportsRead) -> str | tuple[str, bytes]:
+    """Returns the text of a path, or the name and the content of a file that is given as bytes or as a file object.
+
+    The file object is opened for reading bytes; its `name`, if it has one, gives the suffix. Raises `InvalidOption` for
+    anything else, and `TooLarge`.
     """
     if isinstance(path, bytes | bytearray | memoryview):
-        return Bundle.from_upload("bytes", bytes(path), read_limits())
+        return "bytes", bytes(path)
     if isinstance(path, SupportsRead) and not isinstance(path, os.PathLike):  # a path that has read() is still a path
-        limits = read_limits()
         given = getattr(path, "name", None)
         name = given if isinstance(given, str) else "file"
-        return Bundle.from_upload(name, _read_all(path, name, limits.bytes), limits)
+        return name, _read_all(path, name, read_limits().bytes)
     try:
         text = os.fspath(path)
     except TypeError as error:
@@ -293,7 +301,7 @@ def open_path(path: str | PathLike[str] | bytes | SupportsRead) -> Source:
             f"a path, a file or bytes is needed, not {type(path).__name__}; give a file's name "
             "(ciir.LightField(array) takes views)"
         ) from error
-    return open_source(os.fsdecode(text))
+    return os.fsdecode(text)
 
 
 def _read_all(file: SupportsRead, name: str, most: int) -> bytes:

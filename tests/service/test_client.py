@@ -17,7 +17,7 @@ from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service import client as client_module
 from ciir.service.client import AsyncClient, Client, Result
-from tests.support.inputs import EIA
+from tests.support.inputs import CUBE, EIA
 
 JOB = f"/v1/reconstructions/{'0' * 32}"
 FIELDS = {"lenses": "6x9", "model": "none"}
@@ -39,6 +39,33 @@ def test_a_result(client, eia_file, tmp_path):
     assert (tmp_path / "view.png").read_bytes() == result.content
     result.save(tmp_path)
     assert (tmp_path / f"{result.id}.png").read_bytes() == result.content
+
+
+def test_the_content_of_a_file_and_open_files(client, server, eia_file, tmp_path):
+    whole = client.reconstruct(eia_file, **FIELDS)
+    mesh = tmp_path / "mesh.off"
+    mesh.write_bytes(CUBE)
+    with eia_file.open("rb") as file, mesh.open("rb") as other:
+        for source in (
+            eia_file.read_bytes(),
+            memoryview(eia_file.read_bytes()),
+            file,
+            io.BytesIO(eia_file.read_bytes()),
+        ):
+            assert client.reconstruct(source, **FIELDS).content == whole.content
+        assert not file.closed
+        assert client.submit(other, lenses="5x5").result().id == client.reconstruct(mesh, lenses="5x5").id
+
+    async def run():
+        async with AsyncClient(server) as other:
+            return (await other.reconstruct(io.BytesIO(eia_file.read_bytes()), **FIELDS)).content
+
+    assert asyncio.run(run()) == whole.content
+    for wrong, text in ((EIA, "a path, a file or bytes is needed, not ndarray"), (None, "not NoneType")):
+        with pytest.raises(InvalidOption, match=text):
+            client.reconstruct(wrong, **FIELDS)
+    with eia_file.open("r", encoding="latin-1") as file, pytest.raises(InvalidOption, match="open it with mode 'rb'"):
+        client.reconstruct(file, **FIELDS)
 
 
 def test_a_job(client, eia_file):
