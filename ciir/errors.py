@@ -21,7 +21,8 @@
     ├── BrokenNetwork            a network turned good input into something that is not a number
     ├── JobError                 a job of the service could not be taken or finished
     │   ├── QueueFull            the largest allowed number of jobs is already waiting
-    │   ├── QueueUnavailable     the queue can't be reached, or its disk is full
+    │   ├── QueueUnavailable     the queue or the files can't be used
+    │   │   └── NoRoom           the server's disk or memory is full
     │   ├── ResultExpired        the result was kept as long as allowed and then removed
     │   ├── WorkerDied           the worker process ended in the middle of its work
     │   │   └── TimedOut         it was ended because the job used up its time
@@ -135,7 +136,11 @@ class QueueFull(JobError):  # noqa: N818
 
 
 class QueueUnavailable(JobError):  # noqa: N818
-    """The queue can't be reached, or its disk is full: HTTP's 503."""
+    """The queue or the files can't be used: HTTP's 503."""
+
+
+class NoRoom(QueueUnavailable):
+    """The server's disk or memory is full: HTTP's 503."""
 
 
 class ResultExpired(JobError, LookupError):  # noqa: N818

@@ -33,6 +33,7 @@ _TABLE: tuple[tuple[type[errors.Error], ErrorResponse], ...] = (  # the first ro
     (errors.ModelError, ErrorResponse(422, 2, "Invalid model or scale")),
     (errors.BrokenNetwork, ErrorResponse(500, 1, "Model broken")),
     (errors.QueueFull, ErrorResponse(429, 1, "Queue full")),
+    (errors.NoRoom, ErrorResponse(503, 1, "No room")),
     (errors.QueueUnavailable, ErrorResponse(503, 1, "Not available")),
     (errors.ResultExpired, ErrorResponse(410, 1, "Expired")),
     (errors.JobError, ErrorResponse(503, 1, "Job not finished")),

@@ -66,11 +66,11 @@ class Engine:
 
     def check_ready(self) -> None:
         """Raises `NotReady` unless jobs are accepted and a worker is ready; `QueueUnavailable` for disk or queue."""
+        self.jobs.disk.check()  # first: a full disk may be why no worker is ready
         self.check_accepting()
         if self._pool is not None and not self._pool.is_ready():
             usual = "no worker process is ready; new ones are being started, try again in a second"
             raise NotReady(self._describe_start(usual))
-        self.jobs.disk.check()
         self.jobs.queue.check()
         self.jobs.count_waiting()
 

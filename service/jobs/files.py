@@ -21,7 +21,7 @@ import fsspec
 from fsspec.implementations.local import LocalFileSystem
 
 from ciir.errors import InvalidOption
-from ciir.service.jobs.resource import PROGRAMMING_ERRORS, Resource
+from ciir.service.jobs.resource import DISK_FULL, FULL_AT_START, PROGRAMMING_ERRORS, Resource, is_full
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -100,6 +100,8 @@ class Files:
         except PROGRAMMING_ERRORS:
             raise
         except Exception as error:  # each store's client has its own errors
+            if is_full(error):
+                raise InvalidOption(f"{place}: {FULL_AT_START}") from error
             reason = str(error) or type(error).__name__
             raise InvalidOption(f"{place}: files can't be stored there ({reason}); name another place") from error
 
@@ -239,5 +241,7 @@ class Files:
         is_missing = isinstance(error, FileNotFoundError) and not is_write
         if is_missing or (self._is_local and not isinstance(error, OSError)):
             return None
+        if is_full(error):
+            return DISK_FULL
         reason = getattr(error, "strerror", None) or "their store doesn't answer"
-        return f"the server's files can't be used ({reason}); free disk space, or try again later"
+        return f"the server's files can't be used ({reason}); try again later"

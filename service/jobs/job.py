@@ -6,6 +6,8 @@ import json
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
+from ciir.service.jobs.resource import DISK_FULL
+
 if TYPE_CHECKING:
     from ciir.service.pipeline.options import KindName
 
@@ -43,6 +45,7 @@ class Problem:
 
 
 INTERNAL_ERROR = Problem(500, "Internal error", "the job failed; the server's log says why")
+NO_ROOM = Problem(503, "No room", DISK_FULL)
 
 
 @dataclass(frozen=True)

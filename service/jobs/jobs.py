@@ -21,6 +21,7 @@ from ciir.service.jobs.lanes import LANES, choose_lane, estimate_job
 from ciir.service.jobs.lifecycle import Lifecycle
 from ciir.service.jobs.queue import FILE, Queue
 from ciir.service.jobs.records import Records
+from ciir.service.jobs.resource import FULL_AT_START, is_full
 from ciir.service.jobs.watcher import Watcher
 from ciir.service.jobs.workers.task import TaskLimits
 
@@ -55,9 +56,8 @@ class Jobs:
         try:
             make_folder(self.folder, 0o700)
         except OSError as error:
-            raise InvalidOption(
-                f"{self.folder}: not usable for jobs ({error.strerror}); name another folder"
-            ) from error
+            why = FULL_AT_START if is_full(error) else f"not usable for jobs ({error.strerror}); name another folder"
+            raise InvalidOption(f"{self.folder}: {why}") from error
         self.files = Files(settings.files or str(self.folder / "files"), self.folder)
         self.queue = Queue(self.folder, settings.queue)
         self.records = Records(self.queue.jobs)
@@ -70,10 +70,6 @@ class Jobs:
         self._keep_seconds, self._keep_bytes = settings.keep_seconds, settings.keep_bytes
         self._limits = asdict(TaskLimits.from_settings(settings)) | {"job_seconds": settings.job_seconds}
         """They determine whether a job has a result or a problem."""
-
-    def compute_id(self, request: Request, file: BinaryIO) -> str:
-        """Computes the id of the job for this request."""
-        return compute_id(request, hash_content(file), self._limits)
 
     def submit(self, request: Request, file: BinaryIO, client: str = "") -> tuple[Job, bool]:
         """Returns the job for `request` and all bytes of `file`, and whether it is new. A new one has been stored.

@@ -21,8 +21,9 @@ from huey.constants import EmptyData
 from huey.storage import RedisStorage, SqliteStorage
 
 from ciir.errors import InvalidOption
+from ciir.service.jobs.disk import has_room
 from ciir.service.jobs.lanes import LANES
-from ciir.service.jobs.resource import Resource
+from ciir.service.jobs.resource import DISK_FULL, FULL_AT_START, Resource, is_full
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -89,6 +90,8 @@ class _Redis(RedisStorage):  # type: ignore[misc]
 
 def _describe(error: Exception) -> str | None:
     """Returns the message for an error of the storage, without the server's address or path."""
+    if is_full(error):
+        return DISK_FULL
     redis = sys.modules.get("redis")  # an extra, imported only if a Redis server is used
     if redis is not None and isinstance(error, redis.ResponseError):
         refusal = "refuses commands, as a full one or a replica does; the log has its answer"
@@ -166,6 +169,8 @@ class Queue:
                 self._sqlite = _Sqlite("ciir", filename=str(folder / FILE))
                 self._synced = _Sqlite(_JOBS, filename=str(folder / FILE), fsync=True, create_tables=False)
             except sqlite3.Error as error:
+                if is_full(error) or not has_room(folder):  # SQLite calls the latter an I/O error
+                    raise InvalidOption(f"{folder}: {FULL_AT_START}") from error
                 raise InvalidOption(
                     f"{folder / FILE}: jobs can't be stored there ({error}); name another folder, or {_REMEDY}"
                 ) from error

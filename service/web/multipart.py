@@ -5,17 +5,19 @@ Starlette has no setting that refuses a body without its closing boundary, and w
 
 from __future__ import annotations
 
-import errno
+import logging
 from contextlib import aclosing
+from tempfile import gettempdir
 from typing import TYPE_CHECKING
 
-from python_multipart.multipart import parse_options_header
+from python_multipart.multipart import DEFAULT_MAX_HEADER_SIZE, parse_options_header
 from starlette.exceptions import HTTPException
 from starlette.formparsers import MultiPartException, MultiPartParser
 
-from ciir.errors import QueueUnavailable
+from ciir.errors import NoRoom
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.writers.options import TEXT_FILES
+from ciir.service.jobs.resource import DISK_FULL, is_full
 
 if TYPE_CHECKING:
     from collections.abc import AsyncGenerator
@@ -28,9 +30,12 @@ MAX_FIELD_BYTES = 64 * 2**10
 """Maximum bytes of a field other than the file: enough to name thousands of views."""
 MAX_FIELDS = 64
 MAX_FILES = 1 + len(TEXT_FILES)
+_log = logging.getLogger("ciir")
 _TRUNCATED = "The multipart body ends before its closing boundary."
+_LONG_HEADER = f"A header of a part is over {DEFAULT_MAX_HEADER_SIZE:,} bytes, the limit"
 _REMEDIES = {  # the beginning of a message -> its remedy
     _TRUNCATED: "send the whole body",
+    _LONG_HEADER: "give the file a shorter name",
     "Invalid multipart data": "send a form as HTTP clients make it, such as curl -F file=@NAME",
     "Missing boundary": "let the HTTP client write the Content-Type with its boundary",
     "The Content-Disposition": "send a form as HTTP clients make it, such as curl -F file=@NAME",
@@ -45,8 +50,7 @@ async def read_form(request: Request) -> FormData:
 
     The caller closes the form. Large parts are on disk.
 
-    Raises `HTTPException` 400 for a broken body or a charset other than UTF-8, and `QueueUnavailable` if the disk is
-    full.
+    Raises `HTTPException` 400 for a broken body or a charset other than UTF-8, and `NoRoom` if the disk is full.
     """
     charset = parse_options_header(request.headers["content-type"])[1].get(b"charset", b"utf-8").decode("latin-1")
     if charset.lower() not in CHARSETS:
@@ -64,15 +68,15 @@ async def read_form(request: Request) -> FormData:
         async with aclosing(chunks):
             return await parser.parse()
     except MultiPartException as error:
-        remedy = next((remedy for start, remedy in _REMEDIES.items() if error.message.startswith(start)), None)
-        detail = error.message if remedy is None else f"{error.message.rstrip('.')}; {remedy}"
+        cause = _LONG_HEADER if "header size" in str(error.__cause__) else error.message
+        remedy = next((remedy for start, remedy in _REMEDIES.items() if cause.startswith(start)), None)
+        detail = cause if remedy is None else f"{cause.rstrip('.')}; {remedy}"
         raise HTTPException(400, detail) from error
     except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+        if not is_full(error):
             raise
-        raise QueueUnavailable(
-            "the server's disk has no space for the upload; try again later, or have its operator make space in TMPDIR"
-        ) from error
+        _log.warning("an upload can't be kept in %s (TMPDIR): %s", gettempdir(), error.strerror)
+        raise NoRoom(DISK_FULL) from error
 
 
 class _Parser(MultiPartParser):

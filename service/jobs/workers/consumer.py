@@ -11,8 +11,10 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from ciir.errors import Cancelled, QueueUnavailable, TimedOut, WorkerDied
-from ciir.service.jobs.job import INTERNAL_ERROR, Problem, Result
+from ciir.service.errors import find_response
+from ciir.service.jobs.job import INTERNAL_ERROR, NO_ROOM, Problem, Result
 from ciir.service.jobs.lanes import SMALL_SECONDS, order_lanes
+from ciir.service.jobs.resource import is_full
 from ciir.service.jobs.workers.consumer_lock import ConsumerLock
 from ciir.service.jobs.workers.recovery import HEARTBEAT_SECONDS, Recovery, create_lease
 from ciir.service.jobs.workers.task import Hooks, Task
@@ -145,16 +147,16 @@ class Consumer:
         except (Cancelled, WorkerDied) as reason:
             return reason
         except QueueUnavailable as error:
-            return Problem(503, "Not available", str(error))
+            return Problem(503, find_response(error).title, str(error))
         except FileNotFoundError:
             _log.exception(
                 "job %s: its input is missing or damaged; machines that share a queue must share CIIR_FILES", job.id
             )
             return Problem(503, "Not available", "the input is no longer stored as it was sent; post it again")
         except OSError as error:
-            _log.exception("job %s: its files can't be used", job.id)
+            _log.error("job %s: its files can't be used (%s)", job.id, error.strerror, exc_info=not is_full(error))
             detail = f"the server's files can't be used ({error.strerror}); try again later"
-            return Problem(503, "Not available", detail)
+            return NO_ROOM if is_full(error) else Problem(503, "Not available", detail)
         except Exception:  # noqa: BLE001 - logged, and the job fails
             _log.exception("job %s: internal error", job.id)
             return INTERNAL_ERROR

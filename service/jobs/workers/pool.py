@@ -114,7 +114,7 @@ class Pool:
             with task.source.open("rb") as source, TemporaryFile(dir=task.target.parent) as target:
                 worker = self._take_worker(hooks.cancelled, is_new=needs_new)
                 try:
-                    return self._run_in(worker, _Run(task, source, target, hooks))
+                    outcome = self._run_in(worker, _Run(task, source, target, hooks))
                 except _NotReceivedError as error:
                     worker.end()
                     text = "worker process %d died before it received its task (%s); another one runs it"
@@ -126,6 +126,10 @@ class Pool:
                 except BaseException:
                     worker.end()
                     raise
+                else:  # an error of the copy, such as a full disk, ends no worker
+                    if isinstance(outcome, Problem):
+                        return outcome
+                    return replace(outcome, size=_copy(target, task.target))
                 finally:
                     self._return_worker(worker)
         raise WorkerDied(f"{_ATTEMPTS} worker processes in a row did not run the task")
@@ -212,11 +216,8 @@ class Pool:
                     raise _MemoryTakenError
                 if memory.may_lack(self._limits.memory):
                     return _NO_MEMORY
-            wanted = run.task.request.format
-            if isinstance(last.outcome, Problem):
+            if isinstance(last.outcome, Problem) or run.task.request.format in (None, last.outcome.format):
                 return last.outcome
-            if wanted in (None, last.outcome.format):
-                return replace(last.outcome, size=_copy(run.target, run.task.target))
         raise WorkerDied("sent an unexpected message")
 
     def _keep_worker(self) -> None:

@@ -14,7 +14,8 @@ from typing import IO, TYPE_CHECKING, Any
 from ciir.errors import Error
 from ciir.renderer.limits import Limits
 from ciir.service.errors import find_response, join_lines
-from ciir.service.jobs.job import Problem, Request, Result
+from ciir.service.jobs.job import NO_ROOM, Problem, Request, Result
+from ciir.service.jobs.resource import is_full
 from ciir.service.jobs.workers.progress import ProgressClock
 
 if TYPE_CHECKING:
@@ -133,8 +134,8 @@ def _find_resource_problem(error: Exception, limits: TaskLimits) -> Problem | No
     if code == errno.EFBIG:
         detail = f"the result is over {limits.file:,} bytes; ask for fewer views or a smaller scale"
         return Problem(413, _OVER, detail)
-    if code in (errno.ENOSPC, errno.EDQUOT):
-        return Problem(503, "No room", "the server's disk is full; try again when its operator has freed space")
+    if is_full(error):
+        return NO_ROOM
     if _is_out_of_memory(error):
         detail = f"this takes more than {limits.memory:,} bytes of memory; give a smaller input, or ask for fewer views"
         return Problem(413, _OVER, detail)

@@ -9,8 +9,10 @@ from types import SimpleNamespace
 import httpx2
 import pytest
 
-from ciir.errors import QueueUnavailable
+from ciir.errors import InvalidOption, NoRoom, QueueUnavailable
 from ciir.service.jobs.disk import Disk
+from ciir.service.jobs.jobs import Jobs
+from ciir.service.settings import Settings
 from tests.support.inputs import EIA_PNG
 from tests.support.servers import run_server
 from tests.support.web import check_problem, post_file, run_app
@@ -54,12 +56,26 @@ def test_a_full_disk_refuses_new_work_and_serves_kept_results(small_disk):
         for again in (client.get(place), post_file(client, data=EIA_PNG, **FIELDS)):
             assert (again.status_code, again.content) == (200, kept.content)
         refused = post_file(client, data=EIA_PNG, lenses="6x9", model="bicubic")
-        check_problem(refused, 503, "free disk space")
+        check_problem(refused, 503, "the server's disk is full", "free disk space")
+        assert refused.json()["type"] == client.get("/readyz").json()["type"] == "urn:ciir:no-room"
+        client.pool.ready = False  # as while workers can't be started
+        check_problem(client.get("/readyz"), 503, "the server's disk is full")
+        client.pool.ready = True
         assert refused.headers["retry-after"] == "1"
         assert client.get("/metrics").status_code == client.get("/healthz").status_code == 200
         (small_disk / "filler").unlink()
         assert client.get("/readyz").status_code == 200
         assert post_file(client, data=EIA_PNG, lenses="6x9", model="bicubic").status_code == 200
+
+
+@pytest.mark.parametrize("is_new", [True, False])
+def test_a_server_does_not_start_on_a_full_disk(small_disk, is_new):
+    folder = small_disk / "service"
+    if not is_new:
+        Jobs(Settings(folder=folder)).close()
+    fill(small_disk)
+    with pytest.raises(InvalidOption, match=r"the disk is full; free disk space there, or name another folder$"):
+        Jobs(Settings(folder=folder)).close()
 
 
 def test_a_full_disk_is_freed_by_removing_jobs(small_disk):
@@ -79,13 +95,13 @@ def test_a_full_disk_is_logged_once(tmp_path, monkeypatch, caplog):
     found = SimpleNamespace(f_flag=0, f_bavail=9, f_frsize=10, f_files=5, f_favail=5)
     monkeypatch.setattr(os, "statvfs", lambda folder: found)
     for _ in range(3):
-        with pytest.raises(QueueUnavailable, match="less than 100 bytes left"):
+        with pytest.raises(NoRoom, match="less than 100 bytes left"):
             disk.check()
     found.f_bavail = 10
     disk.check()
     assert [len(re.findall(text, caplog.text)) for text in ("100 bytes left", "can be used again")] == [1, 1]
     found.f_favail = 0
-    with pytest.raises(QueueUnavailable, match="free disk space"):
+    with pytest.raises(NoRoom, match="free disk space"):
         disk.check()
     found.f_files = 0  # a file system that doesn't count files
     disk.check()

@@ -4,9 +4,10 @@ import threading
 
 import pytest
 
-from ciir.errors import InvalidOption, QueueUnavailable
+from ciir.errors import InvalidOption, NoRoom, QueueUnavailable
 from ciir.service.jobs import queue as module
 from ciir.service.jobs.queue import FILE, Queue
+from ciir.service.jobs.resource import DISK_FULL
 from tests.support.jobs import run_in_threads
 from tests.support.waiting import wait_until
 
@@ -158,7 +159,7 @@ def test_a_full_disk_is_reported(tmp_path):
     connection = queue._sqlite.conn
     (pages,) = connection.execute("pragma page_count").fetchone()
     connection.execute(f"pragma max_page_count={pages}")  # SQLite's error is then that of a full disk
-    with pytest.raises(QueueUnavailable, match=r"disk is full.*try again"):
+    with pytest.raises(NoRoom, match=DISK_FULL):
         queue.jobs.put("b", bytes(100_000))
     assert queue.jobs.items() == {"a": b"1"}
     connection.execute("pragma max_page_count=1000000")

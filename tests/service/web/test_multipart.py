@@ -1,12 +1,14 @@
 import asyncio
 import errno
+from tempfile import gettempdir
 
 import pytest
 from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 
-from ciir.errors import QueueUnavailable
+from ciir.errors import NoRoom
+from ciir.service.jobs.resource import DISK_FULL
 from ciir.service.web import multipart
 
 FILE = b'--b\r\nContent-Disposition: form-data; name="file"; filename="a"\r\n\r\nabc\r\n'
@@ -44,6 +46,7 @@ def test_complete_bodies():
         (b"", "before its closing boundary", "the whole body"),
         (b"nonsense", "Invalid multipart data", "curl -F"),
         (FILE.replace(b"name=", b"nome=", 1).replace(b"; filename", b"; file") + END, "name", "curl -F"),
+        (FILE.replace(b'"a"', b'"%s"' % bytes(5000)) + END, "over 4,224 bytes", "a shorter name"),
         (4 * FILE + END, "Too many files.*3", "a zip"),
         (FIELD % b"x" * 65 + END, "Too many fields.*64", "once"),
         (FIELD % bytes(multipart.MAX_FIELD_BYTES + 1) + END, "maximum size of 64KB", "fewer views"),
@@ -62,13 +65,14 @@ def test_no_boundary():
         read(FILE + END, "multipart/form-data")
 
 
-def test_a_full_disk(monkeypatch):
+def test_a_full_disk(monkeypatch, caplog):
     def write(self, data):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(UploadFile, "write", write)
-    with pytest.raises(QueueUnavailable, match=r"no space.*make space"):
+    with pytest.raises(NoRoom, match=DISK_FULL):
         read(FILE + END)
+    assert caplog.messages == [f"an upload can't be kept in {gettempdir()} (TMPDIR): No space left on device"]
 
 
 @pytest.mark.parametrize("charset", ["utf-8", "UTF-8", '"us-ascii"'])

@@ -29,8 +29,10 @@ pytestmark = pytest.mark.slow
 
 OPTIONS = {"lenses": "4x5", "model": "none"}
 RUN = """
-import io, sys, threading
+import sys, threading
+from hashlib import sha256
 from pathlib import Path
+from ciir.service.jobs.identity import compute_id
 from ciir.service.jobs.job import Request
 from tests.service.jobs.failures.power_cuts import mark
 from tests.service.jobs.failures.test_power_cuts import OPTIONS, make_eia, open_pool
@@ -39,7 +41,8 @@ from tests.support.waiting import wait_until
 
 def submit(number):
     data = make_eia(number)
-    mark("any", jobs.compute_id(Request("upload.png", OPTIONS, None), io.BytesIO(data)), str(number))
+    request = Request("upload.png", OPTIONS, None)
+    mark("any", compute_id(request, sha256(data).hexdigest(), jobs._limits), str(number))
     job = submit_data(jobs, data, **OPTIONS)
     mark("accepted", job.id, str(number))
     return job

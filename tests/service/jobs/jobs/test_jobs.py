@@ -8,9 +8,10 @@ from dataclasses import replace
 
 import pytest
 
-from ciir.errors import InvalidOption, QueueFull, QueueUnavailable, ResultExpired
+from ciir.errors import InvalidOption, NoRoom, QueueFull, ResultExpired
 from ciir.service.jobs import jobs as module
 from ciir.service.jobs.job import Event, Problem, Request
+from ciir.service.jobs.resource import DISK_FULL
 from ciir.service.settings import Settings
 from tests.support.jobs import (
     fail_job,
@@ -243,7 +244,7 @@ def test_a_full_disk(jobs, monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr(shutil, "copyfileobj", fill_disk)
-        with pytest.raises(QueueUnavailable, match=r"No space left.*free disk space"):
+        with pytest.raises(NoRoom, match=DISK_FULL):
             submit_data(jobs)
     assert list_files(jobs) == []
     assert (jobs.count_waiting(), jobs.queue.active.items(), jobs.queue.jobs.items()) == (0, {}, {})
@@ -304,4 +305,4 @@ def test_waiting_ends_when_the_job_is_removed(jobs):
 def test_the_servers_limits_are_part_of_the_id(service, jobs):
     request = Request("upload.png", {}, None)
     other = service.open_jobs(max_output_pixels=5)
-    assert jobs.compute_id(request, io.BytesIO(b"x")) != other.compute_id(request, io.BytesIO(b"x"))
+    assert jobs.submit(request, io.BytesIO(b"x"))[0].id != other.submit(request, io.BytesIO(b"x"))[0].id

@@ -91,5 +91,9 @@ def test_the_results_size_is_limited(open_pool, make_task):
 def test_a_full_disk_is_an_error_of_the_parent(open_pool, make_task):
     task = make_task(FAST)
     task.target.symlink_to("/dev/full")
+    pool, pids = open_pool(), []
     with pytest.raises(OSError, match="No space left"):
-        run(open_pool(), task)
+        run(pool, task, begun=pids.append)
+    task.target.unlink()
+    assert isinstance(run(pool, task, begun=pids.append), Result)
+    assert pids[0] == pids[1]  # it ends no worker
