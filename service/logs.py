@@ -44,7 +44,10 @@ class _Json(logging.Formatter):
 
 
 def configure(form: Literal["text", "json"]) -> None:
-    """Sends log lines to stderr: those of `ciir` and uvicorn from INFO up, those of libraries from WARNING up."""
+    """Sends log lines to stderr: those of `ciir` and uvicorn from INFO up, those of libraries from WARNING up.
+
+    Each malformed form has a line of its own, the request's, so warnings of the library that reads forms are left out.
+    """
     handler = logging.StreamHandler()
     handler.addFilter(_add_request_id)
     handler.setFormatter(_Json() if form == "json" else logging.Formatter(_TEXT))
@@ -53,4 +56,5 @@ def configure(form: Literal["text", "json"]) -> None:
     root.setLevel(logging.WARNING)
     for name in ("ciir", "uvicorn", "uvicorn.error"):
         logging.getLogger(name).setLevel(logging.INFO)
+    logging.getLogger("python_multipart").setLevel(logging.ERROR)
     logging.captureWarnings(capture=True)

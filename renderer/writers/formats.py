@@ -66,8 +66,6 @@ class Format:
     media_type: str
     open: Callable[[IO[bytes], WriterOptions], Writer]
     """Function that makes a writer to a binary file."""
-    holds_report: bool = False
-    """Whether the file contains the report, and with it the times of that run."""
     uses: tuple[str, ...] = ()
     """The names of the `WriterOptions` that it uses."""
 
@@ -116,8 +114,8 @@ FORMATS = {
     entry.name: entry
     for entry in (
         *map(_picture, pictures.FORMATS),
-        Format("zip", (".zip",), "application/zip", lambda file, _: ZipWriter(file), holds_report=True),
-        Format("npz", (".npz",), "application/x-npz", lambda file, _: NpzWriter(file), holds_report=True),
+        Format("zip", (".zip",), "application/zip", lambda file, _: ZipWriter(file)),
+        Format("npz", (".npz",), "application/x-npz", lambda file, _: NpzWriter(file)),
         Format("html", (".html",), "text/html", lambda file, _: HtmlWriter(file)),
         _container("eia", STILL, "image/png", "pictures:EiaWriter"),
         _container("mosaic", STILL, "image/png", "pictures:MosaicWriter"),

@@ -31,8 +31,10 @@ if TYPE_CHECKING:
     from ciir.service.settings import Settings
 
 EXPOSED = (
+    "Accept-Ranges",
     "Content-Disposition",
     "Content-Location",
+    "Content-Range",
     "ETag",
     "Location",
     "Preference-Applied",
@@ -43,6 +45,18 @@ EXPOSED = (
     "X-Request-Id",
 )
 """Response headers that scripts of allowed origins may read."""
+ALLOWED = (
+    "Authorization",
+    "X-API-Key",
+    "X-Request-Id",
+    "Prefer",
+    "If-None-Match",
+    "Range",
+    "If-Range",
+    "Last-Event-ID",
+)
+"""Request headers that scripts of allowed origins may send, with those that every page may."""
+ALLOWED_METHODS = ("GET", "POST", "DELETE")
 
 
 def create_app(settings: Settings, engine: Engine | None = None) -> FastAPI:
@@ -71,8 +85,8 @@ def create_app(settings: Settings, engine: Engine | None = None) -> FastAPI:
         app.add_middleware(
             _Cors,
             allow_origins=settings.cors_origins,
-            allow_methods=("GET", "POST", "DELETE"),
-            allow_headers=("Authorization", "X-API-Key", "Prefer", "If-None-Match", "Last-Event-ID", "X-Request-Id"),
+            allow_methods=ALLOWED_METHODS,
+            allow_headers=ALLOWED,
             expose_headers=EXPOSED,
         )
     app.add_middleware(RequestTracking, metrics=engine.metrics)
@@ -108,7 +122,10 @@ class _Cors(CORSMiddleware):
             return response
         headers = {name: value for name, value in response.headers.items() if not name.startswith("content-")}
         cause = bytes(response.body).decode()
-        detail = f"{cause}; use an origin that CIIR_CORS_ORIGINS lists, and a method and headers that /docs lists"
+        detail = (
+            f"{cause}; use an origin that CIIR_CORS_ORIGINS lists, one of the methods {', '.join(ALLOWED_METHODS)}, "
+            f"and of the headers only {', '.join(ALLOWED)}"
+        )
         return problems.respond_problem("", response.status_code, detail, headers=headers)
 
 

@@ -27,19 +27,24 @@ _DETAILS = {
     404: "there is nothing at this path; GET /docs lists the routes",
     405: "this path does not support the method; the Allow header lists the supported ones",
 }
+MOST_PATH = 200
+"""Most characters of a path in a problem and in the log."""
 RETRY_SECONDS = "1"
 """`Retry-After` of a 503."""
 _log = logging.getLogger("ciir")
 
 
 def describe_problem(path: str, status: int, detail: str, title: str | None = None) -> dict[str, Any]:
-    """Returns a problem (`routes.schemas`) at `path`. Without a `title` it is HTTP's own, of the type about:blank."""
+    """Returns a problem (`routes.schemas`) at `path`, of which it has `MOST_PATH` characters at most.
+
+    Without a `title` it is HTTP's own, of the type about:blank.
+    """
     return {
         "type": "about:blank" if title is None else "urn:ciir:" + title.lower().replace(" ", "-"),
         "title": title or HTTPStatus(status).phrase,
         "status": status,
         "detail": join_lines(detail),
-        "instance": path,
+        "instance": path[:MOST_PATH],
     }
 
 

@@ -30,6 +30,7 @@ def test_text(root, capsys):
         logging.getLogger("ciir.service.jobs").info("no request")
         logging.getLogger("huey").info("a library's")
         logging.getLogger("huey").warning("a warning")
+        logging.getLogger("python_multipart.multipart").warning("Expected boundary character 45, got 120 at index 2")
 
     lines = log(capsys, "text", write)
     assert [line.split(" ", 2)[2] for line in lines] == [

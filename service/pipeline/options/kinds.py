@@ -44,17 +44,15 @@ class FileType(NamedTuple):
 
     suffix: str
     media_type: str
-    holds_report: bool = False
-    """Whether the file contains the report, and with it the timings of that run."""
 
 
 MODELS = {"glb": FileType(".glb", "model/gltf-binary"), "ply": FileType(".ply", BINARY)}
 """Formats of captured models, by name."""
 FILE_TYPES = {
-    "json": FileType(".json", "application/json", holds_report=True),
+    "json": FileType(".json", "application/json"),
     **MODELS,
     **{entry.name: FileType(entry.suffixes[0], entry.media_type) for entry in maps.FORMATS.values()},
-    **{entry.name: FileType(entry.suffixes[0], entry.media_type, entry.holds_report) for entry in FORMATS.values()},
+    **{entry.name: FileType(entry.suffixes[0], entry.media_type) for entry in FORMATS.values()},
 }
 """File types by the name of the format."""
 

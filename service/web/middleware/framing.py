@@ -7,7 +7,7 @@ from typing import Any
 
 import h11
 
-_BLANK_LINE = re.compile(rb"\r?\n\r?\n")
+BLANK_LINE = re.compile(rb"\r?\n\r?\n")
 _FOLDED = re.compile(rb"\n[ \t]")
 _LENGTH = re.compile(rb"^content-length:[ \t]*(.*?)[ \t]*\r?$", re.IGNORECASE | re.MULTILINE)
 _ENCODING = re.compile(rb"^transfer-encoding:", re.IGNORECASE | re.MULTILINE)
@@ -22,7 +22,7 @@ class StrictConnection(h11.Connection):
     def next_event(self) -> Any:
         """Returns h11's next event. Raises `h11.RemoteProtocolError` also for a head with a framing error."""
         if self.their_state is h11.IDLE:
-            self.head = _BLANK_LINE.split(self.trailing_data[0], maxsplit=1)[0]
+            self.head = BLANK_LINE.split(self.trailing_data[0], maxsplit=1)[0]
         event = super().next_event()
         if isinstance(event, h11.Request) and (error := find_framing_error(self.head)):
             raise h11.RemoteProtocolError(error)

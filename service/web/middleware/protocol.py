@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from ciir.service.web.middleware.framing import StrictConnection
+from ciir.service.web.middleware.framing import BLANK_LINE, StrictConnection
 from ciir.service.web.middleware.refusal import Refusal
 
 if TYPE_CHECKING:
@@ -24,6 +24,14 @@ if TYPE_CHECKING:
 
     from ciir.service.metrics import Metrics
 
+SPARE = 4
+"""Connections over the limit whose head is read: those that ask for /healthz are answered, so that no slow uploads make
+a healthy server look dead."""
+SPARE_SECONDS = 1.0
+"""Time for that head."""
+SPARE_BYTES = 2**14
+"""Most bytes of that head."""
+_HEALTH = re.compile(rb"(GET|HEAD) /healthz[? ]")
 _REPR = re.compile(r"(?:bytearray\()?\bb(([\"']).*\2)\)?")
 """Bytes as shown in h11's messages."""
 _BARE_LINE = "Invalid HTTP request received."
@@ -49,6 +57,8 @@ class TimeoutProtocol(H11Protocol):
     conn: StrictConnection
     _head_timer: asyncio.TimerHandle | None = None
     _write_timer: asyncio.TimerHandle | None = None
+    _spare_head: bytes | None = None
+    """What was received by a connection over the limit, until its head is complete; None for any other."""
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
@@ -58,14 +68,40 @@ class TimeoutProtocol(H11Protocol):
         """Starts the timer for the first head. Over the limit on connections, it ends an idle one, or this one."""
         super().connection_made(transport)
         self._head_timer = self._start_timer()
-        self.idle[self] = None
+        if len(self.connections) > self.most and not self.idle:
+            self._begin_spare()
+            return
         if len(self.connections) > self.most:
             oldest = next(iter(self.idle))
             del self.idle[oldest]
-            if oldest is not self:
-                oldest.transport.abort()
-            else:
-                self._refuse(503, f"the server has {self.most} connections open; try again in a second")
+            oldest.transport.abort()
+        self.idle[self] = None
+
+    def _begin_spare(self) -> None:
+        """Waits for the head of a connection over the limit, or refuses it if too many others wait."""
+        if len(self.connections) > self.most + SPARE:
+            self._refuse_for_limit()
+            return
+        self._spare_head = b""
+        _cancel(self._head_timer)
+        self._head_timer = self.loop.call_later(SPARE_SECONDS, self._refuse_for_limit)
+
+    def _read_spare(self, data: bytes) -> None:
+        """Reads the head of a connection over the limit. Passes it on if it asks for /healthz, and refuses others."""
+        self._spare_head = head = (self._spare_head or b"") + data
+        if BLANK_LINE.search(head) is None and len(head) <= SPARE_BYTES:
+            return
+        if _HEALTH.match(head) is None and len(self.connections) > self.most:
+            self.conn.head = head
+            self._refuse_for_limit()
+            return
+        _cancel(self._head_timer)
+        self._spare_head = self._head_timer = None
+        self.data_received(head)
+
+    def _refuse_for_limit(self) -> None:
+        _cancel(self._head_timer)
+        self._refuse(503, f"the server has {self.most} connections open; try again in a second")
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stops the timers."""
@@ -75,6 +111,9 @@ class TimeoutProtocol(H11Protocol):
 
     def data_received(self, data: bytes) -> None:
         """Starts the timer for a head with its first byte, and stops it when the head is complete."""
+        if self._spare_head is not None:
+            self._read_spare(data)
+            return
         super().data_received(data)
         if not self._is_between_requests():
             _cancel(self._head_timer)

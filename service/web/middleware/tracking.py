@@ -92,7 +92,7 @@ class RequestTracking:
         self._metrics.latency.labels(method, route).observe(seconds)
         self._metrics.received.inc(received)
         self._metrics.sent.inc(sent)
-        path = scope.get("raw_path", b"").decode("ascii", "backslashreplace")[:200]
+        path = scope.get("raw_path", b"").decode("ascii", "backslashreplace")[: problems.MOST_PATH]
         if path in UNLOGGED_PATHS:
             return
         milliseconds = round(1000 * seconds, 1)

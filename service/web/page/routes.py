@@ -11,7 +11,7 @@ from starlette.exceptions import HTTPException
 
 from ciir.renderer.writers import html
 from ciir.service.web.middleware.tracking import ANY_FRAME
-from ciir.service.web.routes.results import find_matching_tag
+from ciir.service.web.routes.results import has_tag
 
 FOLDERS = {"": Path(__file__).parent / "assets", "viewer/": Path(html.__file__).parent / "viewer"}
 """The folders of the files, by the start of their names. The viewer is that of the HTML export."""
@@ -77,6 +77,6 @@ def _respond(request: Request, name: str, headers: dict[str, str]) -> Response:
         "ETag": f'"{digest}"',
         "Cache-Control": "public, max-age=31536000, immutable" if is_fixed else "no-cache",
     }
-    if find_matching_tag(request.headers.getlist("if-none-match"), digest) is not None:
+    if has_tag(request.headers.getlist("if-none-match"), f'"{digest}"'):
         return Response(status_code=304, headers=headers)
     return Response(content, headers=headers, media_type=MEDIA_TYPES[FILES[name].suffix])

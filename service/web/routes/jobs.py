@@ -25,6 +25,7 @@ from ciir.service.web.routes import events, openapi, results, schemas, upload
 from ciir.service.web.routes.state import State  # noqa: TC001 - FastAPI reads the annotations of routes
 
 if TYPE_CHECKING:
+    from ciir.service.jobs.job import Result
     from ciir.service.web.routes.upload import Upload
 
 _log = logging.getLogger("ciir.jobs")
@@ -70,11 +71,6 @@ async def create_job(request: Request, kind: FoundKind, state: State) -> Respons
     form = await multipart.read_form(request)
     try:
         given = upload.parse_form(form.multi_items(), kind)
-        tags = request.headers.getlist("if-none-match")
-        if tags:
-            id_ = await to_thread.run_sync(state.engine.jobs.compute_id, given.request, given.file)
-            if (tag := results.find_matching_tag(tags, id_)) is not None:
-                return results.respond_unchanged(tag, kind.name)  # no job is needed
         job = await _submit(state, given, hash_client(request))
     finally:
         await form.close()
@@ -85,6 +81,8 @@ async def create_job(request: Request, kind: FoundKind, state: State) -> Respons
         job = await _wait_for_end(state, job, preference.wait_seconds(state.settings.sync_seconds))
     if job.state in ("failed", "cancelled"):
         response: Response = results.respond_unfinished(job, request.url.path, is_post=True)
+    elif job.result is not None and _is_known(request, job, job.result):
+        response = results.respond_unchanged(job, job.result)
     elif job.result is None or not waits:
         response = results.respond_with_status(job, 202, {"Location": results.make_url(job)})
     else:
@@ -124,6 +122,11 @@ async def _wait_for_end(state: State, job: Job, seconds: float) -> Job:
     return job
 
 
+def _is_known(request: Request, job: Job, result: Result) -> bool:
+    """Checks whether `If-None-Match` says that the client has this result."""
+    return results.has_tag(request.headers.getlist("if-none-match"), results.make_tag(job, result))
+
+
 async def read_job(job: FoundJob, state: State) -> Response:
     """Returns the status; at the end of the job with its report or problem."""
     has_result = job.result is None or await to_thread.run_sync(state.engine.jobs.stores_result, job)
@@ -140,9 +143,9 @@ async def read_result(request: Request, job: FoundJob, state: State) -> Response
     """Returns the result file, or a part of it; if the job failed, its problem."""
     if job.result is None:
         return results.respond_unfinished(job, request.url.path, is_post=False)
-    tag = results.find_matching_tag(request.headers.getlist("if-none-match"), job.id)
-    if tag is not None:
-        return results.respond_unchanged(tag, job.request.kind)
+    is_known = _is_known(request, job, job.result) or request.headers.get("if-none-match", "").strip() == "*"
+    if is_known and await to_thread.run_sync(state.engine.jobs.stores_result, job):
+        return results.respond_unchanged(job, job.result)
     return await results.respond_to_read(state.engine.jobs, job, job.result, request)
 
 

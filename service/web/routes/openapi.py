@@ -43,10 +43,7 @@ _ID = _header("id of the request: the one that was sent, or a new one")
 _RETRY = _header("seconds", "integer")
 _RESULT_HEADERS = {
     "X-Request-Id": _ID,
-    "ETag": _header(
-        "the job's id in quotes, followed by - and more if a worker of another version ran it; weak (W/) if the file "
-        "holds timings"
-    ),
+    "ETag": _header("in quotes: the job's id, - and the beginning of the file's SHA-256; the same for the same bytes"),
     "Content-Location": _header("path of the result"),
     "Server-Timing": _header("milliseconds of each stage; `stored` if a kept result was sent"),
     "X-Notes": _header("the notes of the report, as a JSON list in ASCII"),
@@ -81,7 +78,7 @@ def describe_result(kind: Kind) -> Responses:
                 else {"schema": schemas.refer("InspectionReport")}
                 for name in kind.formats
             },
-            "headers": headers,
+            "headers": headers | {"Content-Disposition": _header("the file's name; a quilt's contains its layout")},
         },
         304: {"description": "the client has the result that If-None-Match names", "headers": headers},
     }
@@ -133,7 +130,9 @@ PREFER = _parameter(
 RANGE = _parameter("Range", "send only these bytes of the result, in one part", "bytes=1000000-")
 IF_RANGE = _parameter("If-Range", "with Range: the ETag of the result; if it has another one, send all of it", '"..."')
 IF_NONE_MATCH = _parameter(
-    "If-None-Match", "ETags of results that the client has", '"0123456789abcdef0123456789abcdef"'
+    "If-None-Match",
+    "ETags of results that the client has",
+    '"0123456789abcdef0123456789abcdef-0123456789abcdef0123456789abcdef"',
 )
 LAST_EVENT_ID = _parameter("Last-Event-ID", "number of the last event that the client has received", "3")
 

@@ -14,7 +14,6 @@ from fastapi.responses import JSONResponse, StreamingResponse
 from ciir.errors import ResultExpired
 from ciir.renderer.displays.quilt import QuiltLayout
 from ciir.service.errors import CANCELLED, find_response
-from ciir.service.jobs.identity import hash_installation
 from ciir.service.jobs.job import FINAL
 from ciir.service.pipeline.options import FILE_TYPES, KINDS
 from ciir.service.web import problems
@@ -125,23 +124,23 @@ def respond_unfinished(job: Job, path: str, *, is_post: bool) -> JSONResponse:
     return problems.respond_problem(path, 409, detail, title="Not finished", headers=headers)
 
 
-def find_matching_tag(if_none_match: Iterable[str], id_: str) -> str | None:
-    """Returns the tag in the `If-None-Match` headers that matches the result of the job `id_`, or None.
+def make_tag(job: Job, result: Result) -> str:
+    """Returns the ETag of a result: the job's id and the beginning of the file's SHA-256.
 
-    The comparison is weak (RFC 9110); `*` never matches.
+    It is strong: the same tag stands for the same bytes. The timings in a report differ between two runs of one job.
     """
-    tags = [tag.strip() for header in if_none_match for tag in header.split(",")]
-    return next((tag for tag in tags if tag.removeprefix("W/") == f'"{id_}"'), None)
+    return f'"{job.id}-{result.sha256[:32]}"'
+
+
+def has_tag(if_none_match: Iterable[str], tag: str) -> bool:
+    """Checks whether `If-None-Match` headers list `tag`. The comparison is weak (RFC 9110); `*` lists none."""
+    return any(given.strip().removeprefix("W/") == tag for header in if_none_match for given in header.split(","))
 
 
 def _make_headers(job: Job, result: Result, timings: Mapping[str, float] | None) -> dict[str, str]:
     timings = result.report["timings_ms"] if timings is None else timings
-    # The id stands for the result of this version, but a worker of another one may have made it.
-    value = job.id if job.made_by == hash_installation() else f"{job.id}-{job.made_by[:8]}"
-    # A report holds timings, which differ between two runs of one job, so its tag is weak.
-    tag = f'W/"{value}"' if FILE_TYPES[result.format].holds_report else f'"{value}"'
     return {
-        "ETag": tag,
+        "ETag": make_tag(job, result),
         "Cache-Control": CACHE,
         "Content-Location": f"{make_url(job)}/result",
         name_id_header(job.request.kind): job.id,
@@ -168,11 +167,10 @@ def _write_notes(job: Job, notes: Sequence[str]) -> str:
     return written
 
 
-def respond_unchanged(tag: str, kind: KindName) -> Response:
-    """Responds with 304: the client has the result that `tag` names."""
-    id_ = tag.removeprefix("W/").strip('"')
-    kept = {"ETag": tag, "Content-Location": f"{find_root(kind)}/{id_}/result", name_id_header(kind): id_}
-    return Response(status_code=304, headers=kept | {"Cache-Control": CACHE})
+def respond_unchanged(job: Job, result: Result) -> Response:
+    """Responds with 304: the client has the result."""
+    kept = {"ETag": make_tag(job, result), "Content-Location": f"{make_url(job)}/result", "Cache-Control": CACHE}
+    return Response(status_code=304, headers=kept | {name_id_header(job.request.kind): job.id})
 
 
 async def respond_with_result(

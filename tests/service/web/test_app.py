@@ -89,7 +89,14 @@ def test_only_listed_origins_are_allowed(client, tmp_path):
         allowed = other.options(POST, headers=preflight)
         assert allowed.headers["access-control-allow-origin"] == "https://example.org"
         exposed = other.get("/healthz", headers=preflight).headers["access-control-expose-headers"]
-        assert {"Content-Disposition", "ETag", "Location", "Retry-After"} <= set(exposed.split(", "))
+        exposed_to_pages = {"Accept-Ranges", "Content-Disposition", "Content-Range", "ETag", "Location", "Retry-After"}
+        assert exposed_to_pages <= set(exposed.split(", "))
+        asked = {"Access-Control-Request-Headers": "range, if-range, if-none-match"}
+        assert other.options(POST, headers=preflight | asked).status_code == 200
+        asked = {"Access-Control-Request-Headers": "x-mine"}
+        unlisted = other.options(POST, headers=preflight | asked).json()["detail"]
+        assert unlisted.startswith("Disallowed CORS headers; ")
+        assert unlisted.endswith("Range, If-Range, Last-Event-ID")
         refused = other.options(POST, headers=preflight | {"Origin": "https://example.net"})
         assert "access-control-allow-origin" not in refused.headers
         assert (refused.status_code, refused.headers["content-type"]) == (400, "application/problem+json")

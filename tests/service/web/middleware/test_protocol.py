@@ -11,7 +11,7 @@ import pytest
 import uvicorn
 
 from ciir.service.metrics import Metrics
-from ciir.service.web.middleware.protocol import make_protocol
+from ciir.service.web.middleware.protocol import SPARE, make_protocol
 from ciir.service.web.middleware.tracking import SECURITY_HEADERS
 
 SECONDS = 0.3
@@ -26,7 +26,7 @@ async def app(scope, receive, send):
     """Reads the body and responds with as many bytes as the path says."""
     while (await receive()).get("more_body", False):
         pass
-    size = int(scope["path"].removeprefix("/"))
+    size = 3 if scope["path"] == "/healthz" else int(scope["path"].removeprefix("/"))
     await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", str(size).encode())]})
     for _ in range(0, size, 2**18):
         await send({"type": "http.response.body", "body": bytes(min(size, 2**18)), "more_body": True})
@@ -233,3 +233,27 @@ def test_while_none_is_idle_a_new_connection_is_refused(patient_port):
         for connection in connections:
             connection.sendall(b"x")
             assert connection.recv(2**16).startswith(b"HTTP/1.1 200")
+
+
+def test_while_none_is_idle_only_health_is_answered(patient_port):
+    with ExitStack() as stack:
+        busy = [stack.enter_context(connected(patient_port)) for _ in range(MOST)]
+        for connection in busy:
+            connection.sendall(b"POST /3 HTTP/1.1\r\nHost: x\r\nContent-Length: 1\r\n\r\n")
+        time.sleep(0.2)
+        health, half, other, silent = [stack.enter_context(connected(patient_port)) for _ in range(SPARE)]
+        with connected(patient_port) as more:  # refused at once
+            assert more.recv(2**16).startswith(b"HTTP/1.1 503")
+        for connection, part in ((half, b"GET /healthz HTTP/1.1\r\nHost:"), (health, b"GET /heal")):
+            connection.sendall(part)
+        time.sleep(0.1)
+        health.sendall(b"thz HTTP/1.1\r\nHost: x\r\n\r\n")
+        assert health.recv(2**16).startswith(b"HTTP/1.1 200")
+        other.sendall(b"GET /3 HTTP/1.1\r\nHost: x\r\n\r\n")
+        answer = b"".join(iter(lambda: other.recv(2**16), b""))
+        assert answer.startswith(b"HTTP/1.1 503")
+        assert b'"instance": "/3"' in answer
+        for connection in (half, silent):  # after `SPARE_SECONDS`
+            assert connection.recv(2**16).startswith(b"HTTP/1.1 503")
+        busy[0].sendall(b"x")
+        assert busy[0].recv(2**16).startswith(b"HTTP/1.1 200")

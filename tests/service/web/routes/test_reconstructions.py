@@ -2,6 +2,7 @@
 
 import io
 import json
+import shutil
 import threading
 import time
 import zipfile
@@ -115,14 +116,44 @@ def test_if_none_match(own, eia, tmp_path):
     tag = post_file(own, **fields).headers["etag"]
     for given in (tag, f'"x", W/{tag}'):
         again = post_file(own, headers={"If-None-Match": given}, **fields)
-        assert (again.status_code, again.content, again.headers["etag"].removeprefix("W/")) == (304, b"", tag)
-        result = own.get(again.headers["content-location"], headers={"If-None-Match": given})
-        assert (result.status_code, result.content, result.headers["etag"].removeprefix("W/")) == (304, b"", tag)
-    assert post_file(own, headers={"If-None-Match": '"another"'}, **fields).status_code == 200
+        assert (again.status_code, again.content, again.headers["etag"]) == (304, b"", tag)
+        place = again.headers["content-location"]
+        result = own.get(place, headers={"If-None-Match": given})
+        assert (result.status_code, result.content, result.headers["etag"]) == (304, b"", tag)
+    for given in ('"another"', "*"):  # `*` stands for any result, which only a request for the result can have
+        assert post_file(own, headers={"If-None-Match": given}, **fields).status_code == 200
+    assert own.get(place, headers={"If-None-Match": "*"}).status_code == 304
     assert own.pool.runs == 1
     with run_app(tmp_path / "another") as other:  # a server that has never run the job
         assert post_file(other, headers={"If-None-Match": tag}, **fields).status_code == 304
-        assert other.pool.runs == 0
+        assert other.pool.runs == 1
+        shutil.rmtree(tmp_path / "another/files/results")
+        for given in (tag, "*"):
+            assert other.get(place, headers={"If-None-Match": given}).status_code == 410
+
+
+def test_a_job_that_is_not_done_is_not_unchanged(own, eia):
+    started, go = pause_work(own)
+    fields = {"data": eia, "lenses": "6x9", "model": "none"}
+    id_ = post_file(own, headers={"Prefer": "respond-async"}, **fields).headers["x-reconstruction-id"]
+    assert started.wait(30)
+    early = post_file(own, headers={"If-None-Match": f'"{id_}"', "Prefer": "wait=0"}, **fields)
+    assert early.status_code == 202
+    go.set()
+
+
+@pytest.mark.parametrize("form", ["zip", "npz"])
+def test_a_download_is_continued(own, eia, form):
+    whole = post_file(own, data=eia, lenses="6x9", views="cross", model="none", format=form)
+    tag, place = whole.headers["etag"], whole.headers["content-location"]
+    rest = own.get(place, headers={"Range": "bytes=100-", "If-Range": tag})
+    assert (rest.status_code, rest.headers["etag"]) == (206, tag)
+    assert whole.content[:100] + rest.content == whole.content
+    assert own.delete(place.removesuffix("/result")).status_code == 200
+    again = post_file(own, data=eia, lenses="6x9", views="cross", model="none", format=form)
+    assert (again.headers["etag"] == tag) == (again.content == whole.content)
+    other = own.get(place, headers={"Range": "bytes=100-", "If-Range": '"other"'})
+    assert (other.status_code, other.content) == (200, again.content)
 
 
 def test_respond_async(own, eia):

@@ -68,3 +68,9 @@ def test_without_a_queue(own, eia, monkeypatch):
 def test_limit_on_output_pixels(eia, tmp_path):
     with run_app(tmp_path, max_output_pixels=1000) as client:
         check_problem(post_file(client, data=eia, lenses="6x9", views="all"), 413, "16 views", "1,000")
+
+
+def test_a_long_path_is_cut(client):
+    response = client.get("/" + "x" * 10_000)
+    assert (response.status_code, len(response.content) < 500) == (404, True)
+    assert response.json()["instance"] == "/" + "x" * 199

@@ -17,25 +17,26 @@ PROGRESS = {"stage": "render", "views_done": 1, "views": 5}
 RUNNING = QUEUED.add_event(Event("running"), state="running", attempts=1).add_event(Event("progress", PROGRESS))
 REPORT = {"timings_ms": {"total": 1.0}, "notes": ["a note on ΔE"]}
 DONE = RUNNING.add_event(
-    Event("done"), state="done", result=Result("zip", 9, REPORT), made_by=identity.hash_installation()
+    Event("done"), state="done", result=Result("zip", 9, REPORT, "5" * 64), made_by=identity.hash_installation()
 )
+TAG = f'"{ID}-{"5" * 32}"'
 FAILED = RUNNING.add_event(Event("failed"), state="failed", problem=Problem(415, "Type not supported", "no mesh"))
 CANCELLED = RUNNING.add_event(Event("cancelled"), state="cancelled")
 
 
 @pytest.mark.parametrize(
-    ("given", "tag"),
+    ("given", "is_listed"),
     [
-        ([f'"{ID}"'], f'"{ID}"'),
-        ([f'W/"{ID}"'], f'W/"{ID}"'),
-        (['"x"', f'"y" ,  W/"{ID}"'], f'W/"{ID}"'),
-        ([ID], None),
-        ([f'"{ID[:-1]}"', "*", "", ","], None),
-        ([], None),
+        ([TAG], True),
+        ([f"W/{TAG}"], True),
+        (['"x"', f'"y" ,  W/{TAG}'], True),
+        ([TAG.strip('"')], False),
+        ([f'"{ID}"', f'W/"{ID}"', "*", "", ","], False),
+        ([], False),
     ],
 )
-def test_matching_tags(given, tag):
-    assert results.find_matching_tag(given, ID) == tag
+def test_tags_that_a_client_has(given, is_listed):
+    assert results.has_tag(given, results.make_tag(DONE, DONE.result)) == is_listed
 
 
 @pytest.mark.parametrize("job", [QUEUED, RUNNING, DONE, FAILED, CANCELLED])
@@ -86,7 +87,7 @@ def test_head_of_a_large_result_reads_one_chunk(monkeypatch):
     response = read(jobs, DONE, DONE.result, method="HEAD", range="bytes=2-")
     assert file.closed
     assert (response.body, response.headers["content-length"]) == (b"", "9")
-    assert response.headers["etag"] == f'W/"{ID}"'
+    assert response.headers["etag"] == TAG
     assert response.headers["x-notes"] == r'["a note on \u0394E"]'
 
 
@@ -114,14 +115,14 @@ def test_a_part_beyond_the_end_is_a_problem():
     assert problem["detail"] == "Range: 'bytes=9-' asks for no byte of the 9; leave it out"
 
 
-@pytest.mark.parametrize(("maker", "end"), [(DONE.made_by, ""), ("0123456789", "-01234567"), ("", "-")])
-def test_what_a_worker_of_another_version_made_has_another_tag(maker, end):
-    job = replace(DONE, made_by=maker)
+def test_other_bytes_have_another_tag():
+    other = replace(DONE.result, sha256="6" * 64)
+    assert results.make_tag(DONE, other) != TAG
+    part = read(SimpleNamespace(), DONE, DONE.result, **{"range": "bytes=9-", "if-range": TAG})
+    assert part.status_code == 416
     jobs = SimpleNamespace(open_result=lambda id_: io.BytesIO(b"123456789"))
-    response = asyncio.run(results.respond_with_result(jobs, job, job.result))
-    tag = response.headers["etag"]
-    assert tag == f'W/"{ID}{end}"'
-    assert (results.find_matching_tag([tag], ID) is None) == bool(end)
+    whole = read(jobs, DONE, other, **{"range": "bytes=9-", "if-range": TAG})
+    assert (whole.status_code, whole.body) == (200, b"123456789")
 
 
 @pytest.mark.parametrize("count", [0, 3, 100])
