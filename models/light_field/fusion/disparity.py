@@ -46,7 +46,7 @@ def estimate_disparity(own: Plane, beside: Mapping[View, Plane], limits: Range) 
     column, by offset (down, right), of which one is 0. `limits`: the smallest and the largest disparity. Returns
     `(H, W)`.
     """
-    disparity = _remove_outliers(_sweep(own, beside, limits))
+    disparity = _sweep(own, beside, limits)
     for _ in range(ROUNDS):
         disparity += _find_step(own, beside, disparity)
     return _remove_outliers(disparity)

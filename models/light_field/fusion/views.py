@@ -31,8 +31,8 @@ Value = TypeVar("Value")
 
 BLOCK_SIDE = 3
 """Views along each side of the block whose mean a fused view is."""
-AT_ONCE = 1
-"""Most views that are upscaled at once, to save memory."""
+AT_ONCE, AT_ONCE_PIXELS = 3, 130_000
+"""Most views that are upscaled at once, to save memory: the first number, or as many as have so few pixels."""
 JPEG_NOISE = 3.0
 """Factor on the differences from the input that count as noise, so that little of a JPEG's errors comes back."""
 LEVELS = 2**16 - 1
@@ -85,8 +85,7 @@ def list_block(view: View, grid: tuple[int, int]) -> list[View]:
 def list_fused_views(wanted: Sequence[View], grid: tuple[int, int], stride: int) -> list[View]:
     """Lists every view that `FusingUpscaler` may need for `wanted`, row by row and each once."""
     blocks = sorted({other for view in wanted for other in list_block(view, grid)})
-    crosses = (other for view in wanted for row in list_line(view, grid, 0) for other in list_cross(row, grid))
-    return sorted({*list_spaced_views(blocks, grid, stride), *crosses})
+    return list_spaced_views(blocks, grid, stride)
 
 
 class FusingUpscaler:
@@ -160,8 +159,10 @@ class FusingUpscaler:
         if not missing:
             return
         self._fetch_missing(list_spaced_views(missing, self._grid, self._stride))
-        for first in range(0, len(missing), AT_ONCE):
-            some = missing[first : first + AT_ONCE]
+        height, width, _ = self._views[missing[0]].shape
+        count = max(AT_ONCE, AT_ONCE_PIXELS // (height * width))
+        for first in range(0, len(missing), count):
+            some = missing[first : first + count]
             pictures, finished = upscale_spaced_views(self._upscale, self._views, some, self._grid, self._stride)
             self._upscaled.update(zip(some, map(_Upscaled, pictures, finished), strict=True))
 

@@ -2,6 +2,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from ciir.models.light_field.finishing import Finishing
 from ciir.models.light_field.fusion import views as fusion_views
@@ -161,13 +162,14 @@ def test_views_may_be_wanted_in_any_order():
         assert np.array_equal(fusing({}, [view])[0][0], made[number])
 
 
-def test_little_is_kept():
-    views = make_views((30, 30))
-    fusing = make_upscaler(Upscaling(), views, (30, 30), fusion="auto")
-    for row in range(30):
-        fusing(views, [(row, u) for u in range(30)])
-        assert len(fusing._upscaled) <= 4 * 30
-        assert len(fusing._views) <= 8 * 30
+@pytest.mark.parametrize(("fusion", "side"), [("auto", 30), ("always", 12)])
+def test_little_is_kept(fusion, side):
+    views = make_views((side, side))
+    fusing = make_upscaler(Upscaling(), views, (side, side), fusion=fusion)
+    for row in range(side):
+        fusing(views, [(row, u) for u in range(side)])
+        assert max(len(fusing._upscaled), len(fusing._rows)) <= 4 * side
+        assert len(fusing._views) <= 8 * side
 
 
 def test_the_mean_has_less_noise():
@@ -176,6 +178,41 @@ def test_the_mean_has_less_noise():
     (single,), _ = Upscaling()(views, [(2, 2)], GRID)
     (fused,), _ = make_upscaler(Upscaling(), views)({}, [(2, 2)])
     assert np.std(fused.astype(int) - own) < 0.75 * np.std(single.astype(int) - own)
+
+
+class Moving(Upscaling):
+    """Upscales views whose content moves by a pixel from one to the next: the truth, and noise of the view's own."""
+
+    def __init__(self, way):
+        super().__init__()
+        texture = np.random.default_rng(5).integers(0, 2, (40, 48, 3)) * 150 + 50
+        large = {(v, u): np.roll(texture, (2 * way * v, 2 * way * u), axis=(0, 1)) for v in range(6) for u in range(5)}
+        self.large = {view: ndimage.uniform_filter(moved, (4, 4, 0), mode="wrap") for view, moved in large.items()}
+        self.views = {
+            view: moved.reshape(20, 2, 24, 2, 3).mean(axis=(1, 3)).astype(np.uint8)
+            for view, moved in self.large.items()
+        }
+
+    def __call__(self, views, wanted, grid):
+        large = [self.large[view] + np.random.default_rng(view).integers(-4, 5, (40, 48, 1)) for view in wanted]
+        return np.stack(large).astype(np.uint8), [Finishing(disparities=Range(-1.5, 1.5)) for _ in wanted]
+
+
+@pytest.mark.parametrize("way", [-1, 1])
+def test_content_that_moves_is_followed(way):
+    upscale = Moving(way)
+    (fused,), _ = make_upscaler(upscale, upscale.views)({}, [(2, 2)])
+    (single,), _ = upscale(upscale.views, [(2, 2)], GRID)
+    error, before = (np.std((picture - upscale.large[2, 2].astype(int))[8:-8, 8:-8]) for picture in (fused, single))
+    assert error < 0.6 * before
+
+
+def test_levels_beyond_the_range_are_not_wrapped():
+    picture = np.random.default_rng(0).choice(np.array([0, 255], np.uint8), (16, 18, 1)).repeat(3, axis=2)
+    views = dict.fromkeys(make_views(), picture)
+    (single,), _ = Upscaling()(views, [(2, 2)], GRID)
+    (fused,), _ = make_upscaler(Upscaling(), views)({}, [(2, 2)])
+    assert np.abs(fused.astype(int) - single).max() < 100
 
 
 def test_the_rule_of_auto():
@@ -261,6 +298,20 @@ def test_each_mean_of_a_row_is_taken_once(monkeypatch):
     for v in range(6):
         fusing({}, [(v, u) for u in range(5)])
     assert axes.count(0) == axes.count(1) == 30
+
+
+@pytest.mark.parametrize(("side", "most"), [(16, 12), (200, 3), (600, 3)])
+def test_few_large_views_are_upscaled_at_once(side, most):
+    views, counts = {view: np.zeros((side, side, 1), np.uint8) for view in np.ndindex(GRID)}, []
+
+    class Counting(Upscaling):
+        def __call__(self, views, wanted, grid):
+            counts.append(len(wanted))
+            return super().__call__(views, wanted, grid)
+
+    fusing = make_upscaler(Counting(), views)
+    fusing._upscale_views(list(views)[:12])
+    assert max(counts) == most
 
 
 def test_missing_views_are_fetched_once():
