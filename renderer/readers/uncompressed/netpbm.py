@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from ciir.renderer.readers.pictures import Pixels
 
-MAX_LEVEL = 65535
+LARGEST_WHITE = 65535
 _CHANNELS = {b"5": 1, b"6": 3}
 
 
@@ -34,8 +34,8 @@ def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tu
     if header is None:
         raise Unreadable(f"{name}: the PPM or PGM header has no width, height and level of white; save it again")
     width, height, white = (int(header[number]) for number in (2, 3, 4))
-    if not 1 <= white <= MAX_LEVEL:
-        raise Unreadable(f"{name}: the level of white (maxval) is {white}, not 1 to {MAX_LEVEL}; save it again")
+    if not 1 <= white <= LARGEST_WHITE:
+        raise Unreadable(f"{name}: the level of white (maxval) is {white}, not 1 to {LARGEST_WHITE}; save it again")
     check_size(height, width)
     shape = height, width, _CHANNELS[header[1]]
     stored = np.dtype(np.uint8 if white <= 0xFF else ">u2")
