@@ -11,12 +11,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import tifffile
 
 from ciir.errors import InvalidOption
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.depth.colors import color_map
-from ciir.renderer.writers.pictures import png, tiff
+from ciir.renderer.writers.pictures import png
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -102,6 +101,10 @@ def _encode_pfm(values: Map) -> Encoded:
 
 def _encode_tiff(values: Map) -> Encoded:
     """Encodes one page of floats (TIFF 6.0, section 19), uncompressed, which ImageJ and MATLAB read, too."""
+    import tifffile  # imported here because the service's parent process doesn't need it
+
+    from ciir.renderer.writers.pictures import tiff
+
     file = io.BytesIO()
     page = tiff.describe_page(1) | {"compression": None, "predictor": None}
     tifffile.imwrite(file, values.astype("<f4"), byteorder="<", **page)
