@@ -34,6 +34,7 @@ def test_direct_averages_over_cells_and_needs_no_model():
     [
         (mesh, {"scale": 3}, "fast upscales by 2, not 3; give strategy direct, which renders the mesh that large, or "),
         (pictures, {"scale": 3}, "fast upscales by 2, not 3; give a supported scale, or"),
+        (pictures, {"scale": 4}, "fast upscales by 2, not 4; give a supported scale, upscale twice, or model bicubic"),
         (pictures, {"scale": 3, "model": "quality"}, "quality upscales by 2, not 3; give a supported scale, or"),
         (mesh, {"scale": 1}, "fast upscales by 2, not 1; give model none"),
         (pictures, {"scale": 1, "model": "bicubic"}, "bicubic upscales by 2, 3, 4, 5, 6, 7, 8, not 1; give model none"),
