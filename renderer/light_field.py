@@ -12,15 +12,7 @@ import numpy as np
 from ciir.bit_depth import count_unused_camera_bits, raise_levels
 from ciir.errors import InvalidOption
 from ciir.renderer.levels import advise_levels, round_levels
-from ciir.renderer.views import (
-    advise_axes,
-    center_view,
-    check_depth_sense,
-    flip_axes,
-    is_turned,
-    note_exchanged_axes,
-    read_index,
-)
+from ciir.renderer.views import advise_axes, center_view, check_depth_sense, flip_axes, is_turned, read_index
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -35,9 +27,6 @@ if TYPE_CHECKING:
     from ciir.renderer.focus.planes import Method
     from ciir.renderer.views import DepthSense, Flip, Pickup, View
 
-_OF_AXES: tuple[str, ...] = ("axes",)
-"""The default of `LightField.notes`, which is replaced by the notes on the array's axes."""
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LightField:
@@ -45,8 +34,7 @@ class LightField:
 
     - `views`: `(V, U, H, W, C)`, uint8 or uint16; C: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha. Arrays in
       another byte order than the machine's are copied to its own.
-    - `notes`: what was found while the light field was read or rendered, one line each; by default whether the array
-      may have the axes `(H, W, V, U, C)`, because there are more rows and columns of views than of pixels.
+    - `notes`: what was found while the light field was read or rendered, one line each.
     - `is_ordered`: whether the order of the views is known to be right, or was checked (`ciir.renderer.view_order`).
     - `depth_sense`: `lenses` if farther content moves further to the left from one view to the next on the right,
       `cameras` if nearer content does.
@@ -60,7 +48,7 @@ class LightField:
     """
 
     views: NDArray[np.uint8] | NDArray[np.uint16]
-    notes: tuple[str, ...] = _OF_AXES
+    notes: tuple[str, ...] = ()
     is_ordered: bool = False
     depth_sense: DepthSense = "lenses"
     lens_pitch: float | None = None
@@ -83,8 +71,6 @@ class LightField:
                 f"views: an array of shape {views.shape} is not accepted; give (V, U, H, W, C) with 1 to 4 channels"
                 + advise_axes(views.shape, "views")
             )
-        if self.notes is _OF_AXES:
-            object.__setattr__(self, "notes", note_exchanged_axes(views.shape, "give views"))
         check_depth_sense(self.depth_sense)
         aspect: Any = self.pixel_aspect
         if not isinstance(aspect, Real) or isinstance(aspect, bool) or not 0 < float(aspect) < math.inf:
@@ -376,7 +362,7 @@ class LightField:
         blocks = eia.reshape(rows, height // rows, cols, width // cols, -1)  # (y, v, x, u, c)
         if is_turned(pickup):
             blocks = blocks[:, ::-1, :, ::-1]
-        return cls(blocks.transpose(1, 3, 0, 2, 4), notes=())
+        return cls(blocks.transpose(1, 3, 0, 2, 4))
 
     def eia(self, *, pickup: Pickup = "virtual") -> NDArray[np.uint8] | NDArray[np.uint16]:
         """Returns the inverse of `from_eia`, bit for bit: `(rows*pixels_v, cols*pixels_u, channels)`; may share memory.

@@ -124,25 +124,3 @@ def _advise_five_axes(shape: Sequence[int], name: str) -> str:
     if shape[0] in (1, 3) and max(shape[1:3]) < min(shape[3:]):
         return f"; for (C, V, U, H, W), as in np.moveaxis({name}, 0, -1)"
     return ""
-
-
-def note_exchanged_axes(shape: Sequence[int], code: str) -> tuple[str, ...]:
-    """Returns a note on `(V, U, H, W, C)` or `(V, U, H, W)` that may be `(H, W, V, U, C)` or `(H, W, V, U)`; none if it
-    has no more rows and columns of views than of pixels. `code` is as in `advise_exchange`.
-    """
-    advice = advise_exchange(shape, code)
-    return ("axes: {}x{} views of {}x{} pixels; {}".format(*shape[:4], advice),) if advice else ()
-
-
-def advise_exchange(shape: Sequence[int], code: str) -> str:
-    """Returns the remedy for an array that `note_exchanged_axes` notes, else an empty text.
-
-    `code` is what comes before `.transpose`, such as `save array`.
-    """
-    if len(shape) not in (4, 5) or not (shape[0] > shape[2] and shape[1] > shape[3]):
-        return ""
-    colours, order = (", C", "2, 3, 0, 1, 4") if len(shape) == 5 else ("", "2, 3, 0, 1")
-    return (
-        f"if these are {shape[2]}x{shape[3]} views of {shape[0]}x{shape[1]} pixels, (H, W, V, U{colours}), "
-        f"{code}.transpose({order})"
-    )

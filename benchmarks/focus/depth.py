@@ -29,6 +29,7 @@ from ciir import upscale
 from ciir.benchmarks.focus.scenes import SIDE, list_scenes, render_exact
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
+from ciir.training.evaluation.metrics import score_map
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -37,17 +38,15 @@ if TYPE_CHECKING:
 
     Map = NDArray[np.float32]
 
-BAD = 0.07
-"""The least error of a bad pixel's disparity, in pixels per view."""
 HEAD = f"{'':16s}" + "".join(f"{word:>9s}" for word in ("least", "most", "bad %", "mse", "seconds", "MB", "added"))
 _UPSCALED = ("bad %", "mse", "upscaled", "mse", "plane dB", "upscaled")
 HEAD_UPSCALED = f"{'':16s}" + "".join(f"{word:>9s}" for word in _UPSCALED)
 
 
-def score_map(found: Map, true: Map) -> tuple[float, float]:
+def _score(found: Map, true: Map) -> tuple[float, float]:
     """Returns BadPix(0.07) in percent, and 100 times the mean square error."""
-    error = np.abs(found - true)
-    return 100 * float((error > BAD).mean()), 100 * float(np.square(error).mean())
+    score = score_map(found, true)
+    return 100 * score.bad, score.mse
 
 
 def measure_peak(work: Callable[[], None]) -> tuple[int, int]:
@@ -109,7 +108,7 @@ def _measure_upscaled(name: str, meshes: Path, side: int) -> NDArray[np.float64]
     large, middle = upscale(small), float(np.median(exact.disparity))
     plain = 2 * ndimage.zoom(small.disparity().disparity, 2, order=1, mode="nearest", grid_mode=True)
     plane = ndimage.zoom(small.refocus(middle / 2), (2, 2, 1), order=3, mode="nearest", grid_mode=True)
-    scores = [*score_map(plain, exact.disparity), *score_map(large.disparity().disparity, exact.disparity)]
+    scores = [*_score(plain, exact.disparity), *_score(large.disparity().disparity, exact.disparity)]
     truth = exact.light_field.refocus(middle).astype(np.float32)
     planes = [10 * np.log10(255**2 / np.square(found - truth).mean()) for found in (plane, large.refocus(middle))]
     return np.array([*scores, *planes])
@@ -133,7 +132,7 @@ def _measure(name: str, meshes: Path, side: int, noise: float) -> NDArray[np.flo
 
     peak = measure_peak(estimate)
     low, high = scene.disparity.min(), scene.disparity.max()
-    return np.array([low, high, *score_map(found, scene.disparity), seconds, *peak])
+    return np.array([low, high, *_score(found, scene.disparity), seconds, *peak])
 
 
 def _format(row: NDArray[np.float64]) -> str:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from tqdm import tqdm
 
 from ciir.errors import UnknownModel, UnsupportedScale
 from ciir.models import cards, catalogue
-from ciir.models.cards import Accuracy
 from ciir.models.light_field.fusion.views import FusingUpscaler, explain_no_fusion
 from ciir.models.light_field.network import LightFieldNetwork
 from ciir.models.light_field.strides import choose_stride
@@ -22,11 +21,10 @@ from ciir.models.single.pixels import upscale_pixels
 from ciir.renderer.light_field import LightField
 from ciir.renderer.view_order.motion import measure_motion
 from ciir.training.data.light_field.views import compress_array, convert_views, degrade_views, read_light_field
-from ciir.training.evaluation.metrics import compute_psnr, compute_ssim, convert_to_luma
+from ciir.training.evaluation.metrics import average, compute_psnr, compute_ssim, convert_to_luma
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
+    from ciir.models.cards import Accuracy
     from ciir.models.light_field.fusion import Fusion
     from ciir.models.upscaler import Upscaler
     from ciir.renderer.readers.layout import Layout
@@ -122,12 +120,6 @@ def measure(
     kind = degradation if jpeg is None else f"{degradation}, JPEG {jpeg}"
     name = f"{path.resolve().name} {grid[0]}x{grid[1]} ({kind})"
     return Measured(average(name, scores), scores, field.notes)
-
-
-def average(name: str, scores: Mapping[Any, tuple[float, float]]) -> Accuracy:
-    """Returns the means of PSNR and SSIM, as those of `name`."""
-    psnr, ssim = np.mean(list(scores.values()), axis=0)
-    return Accuracy(name, len(scores), round(float(psnr), 4), round(float(ssim), 5))
 
 
 def load_network(model: str, scale: int) -> Upscaler | LightFieldNetwork:

@@ -1,15 +1,20 @@
-"""PSNR and SSIM by the published protocol for super-resolution, computed by scikit-image.
+"""PSNR and SSIM by the published protocol for super-resolution, computed by scikit-image; and scores of disparity maps.
 
-Both compare `(H, W)` arrays of levels from 0 to 255, usually luma, after a border is cut. scikit-image is slow to
-import, so it is imported on first use.
+PSNR and SSIM compare `(H, W)` arrays of levels from 0 to 255, usually luma, after a border is cut. scikit-image is slow
+to import, so it is imported on first use.
 """
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ciir.models.cards import Accuracy
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 Pixels = NDArray[np.uint8]
 Plane = NDArray[np.float64]
@@ -18,7 +23,21 @@ PEAK = 255
 SSIM_RADIUS = 5
 """Radius of SSIM's window of 11x11 pixels."""
 
+BAD = 0.07
+"""The least error of a bad pixel's disparity, in pixels per view."""
+
 Value = TypeVar("Value", bound=np.generic)
+
+
+class MapScore(NamedTuple):
+    """Scores of a disparity map."""
+
+    pixels: int
+    """Finite pixels of the truth."""
+    bad: float
+    """BadPix(0.07), a share. A pixel that is not finite in the map is bad."""
+    mse: float
+    """100 times the mean square error over the pixels that are finite in both; NaN if there are none."""
 
 
 def rgb_to_luma(picture: Pixels) -> Plane:
@@ -75,6 +94,21 @@ def compute_ssim_map(picture: Plane, truth: Plane) -> Plane:
         full=True,
     )
     return np.asarray(_crop(similarity, SSIM_RADIUS))
+
+
+def score_map(found: NDArray[np.floating[Any]], true: NDArray[np.floating[Any]]) -> MapScore:
+    """Scores a disparity map against a true one `(H, W)` that has a finite pixel; both in pixels per view."""
+    counted = np.isfinite(true)
+    error = np.abs(found[counted] - true[counted])
+    known = error[np.isfinite(error)]
+    mse = 100 * float(np.mean(np.square(known))) if known.size else float("nan")
+    return MapScore(int(counted.sum()), float(np.mean(~(error <= BAD))), mse)
+
+
+def average(name: str, scores: Mapping[Any, tuple[float, float]]) -> Accuracy:
+    """Returns the means of the PSNR and SSIM of several pictures or views, as those of `name`."""
+    psnr, ssim = np.mean(list(scores.values()), axis=0)
+    return Accuracy(name, len(scores), round(float(psnr), 4), round(float(ssim), 5))
 
 
 def _crop(plane: NDArray[Value], border: int) -> NDArray[Value]:

@@ -15,7 +15,7 @@ from ciir.models.single.network import SingleImageNetwork
 from ciir.models.single.pixels import upscale_pixels
 from ciir.training.data import pictures
 from ciir.training.data.downscale import downscale_picture
-from ciir.training.evaluation.metrics import compute_psnr, compute_ssim, convert_to_luma
+from ciir.training.evaluation.metrics import average, compute_psnr, compute_ssim, convert_to_luma
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -77,8 +77,7 @@ def measure(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Measu
         scores[file.name] = compute_psnr(got, truth, border=upscaler.scale), ssim
     name = folder.resolve().name  # that of `.` is empty
     data = f"{name} ({degradation})" if degradation else name
-    psnr, ssim = np.mean(list(scores.values()), axis=0)
-    return Measured(Accuracy(data, len(scores), round(float(psnr), 4), round(float(ssim), 5)), scores)
+    return Measured(average(data, scores), scores)
 
 
 def evaluate(model: str, folder: Path, *, scale: int = 2, degradation: str = "") -> Measured:

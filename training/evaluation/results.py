@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ciir.bit_depth import count_unused_bits, raise_levels
+from ciir.bit_depth import count_unused_bits
 from ciir.errors import InputError
 from ciir.renderer.light_field import LightField
 from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers import pictures
 from ciir.renderer.readers.registry import is_picture
-from ciir.training.data.light_field.views import drop_alpha, read_light_field
-from ciir.training.evaluation.light_fields import Measured, average
-from ciir.training.evaluation.metrics import SSIM_RADIUS, compute_psnr, compute_ssim, convert_to_luma
+from ciir.training.data.light_field.views import convert_views, drop_alpha, read_light_field
+from ciir.training.evaluation.light_fields import Measured
+from ciir.training.evaluation.metrics import (
+    SSIM_RADIUS,
+    MapScore,
+    average,
+    compute_psnr,
+    compute_ssim,
+    convert_to_luma,
+    score_map,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,8 +33,6 @@ if TYPE_CHECKING:
 
 MAPS = frozenset({".pfm", ".npy"})
 """Suffixes of disparity maps that are read here."""
-BAD = 0.07
-"""The least error of a bad pixel's disparity, in pixels per view."""
 CLOSER = 1.0
 """By how many dB a view must be closer to the opposite view of the truth for a note."""
 PROTOCOL = (
@@ -36,17 +42,6 @@ PROTOCOL = (
     "share of pixels whose disparity is off by more than 0.07, and 100 times the mean square error, as in the HCI 4D "
     "light field benchmark, over the pixels that are finite in the truth."
 )
-
-
-class MapScore(NamedTuple):
-    """Scores of a disparity map."""
-
-    pixels: int
-    """Finite pixels of the truth."""
-    bad: float
-    """BadPix(0.07), a share. A pixel that is not finite in the map is bad."""
-    mse: float
-    """100 times the mean square error over the pixels that are finite in both; NaN if there are none."""
 
 
 def is_map(path: Path) -> bool:
@@ -64,13 +59,9 @@ def compare_maps(result: Path, truth: Path) -> MapScore:
     found, true = _read_map(result), _read_map(truth)
     if found.shape != true.shape:
         raise ValueError(f"{result}: {_size(found)} pixels, but {truth} has {_size(true)}; give maps of one size")
-    counted = np.isfinite(true)
-    if not counted.any():
+    if not np.isfinite(true).any():
         raise ValueError(f"{truth}: no pixel is finite; give a disparity map")
-    error = np.abs(found[counted] - true[counted])
-    known = error[np.isfinite(error)]
-    mse = 100 * float(np.mean(np.square(known))) if known.size else float("nan")
-    return MapScore(int(counted.sum()), float(np.mean(~(error <= BAD))), mse)
+    return score_map(found, true)
 
 
 def compare_views(result: Path, truth: Path, *, border: int, layout: Layout | None = None) -> Measured:
@@ -137,10 +128,7 @@ def _read_views(path: Path, layout: Layout | None) -> LightField:
 def _round_to_8_bits(*both: NDArray[Any]) -> list[NDArray[np.uint8]]:
     """Returns arrays of views with 8 bits. Those of 16 bits are scaled up alike, by the bits that neither uses."""
     unused = min((count_unused_bits(views) for views in both if views.dtype == np.uint16), default=0)
-    return [
-        np.rint(raise_levels(views, unused) / 257).astype(np.uint8) if views.dtype == np.uint16 else views
-        for views in both
-    ]
+    return [convert_views(views, keeps_grey=True, unused=unused) for views in both]
 
 
 def _describe(views: NDArray[Any]) -> str:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ciir.errors import InvalidOption
 from ciir.renderer.readers.containers.samples import PICTURE_SIDE
-from ciir.renderer.views import advise_exchange, note_exchanged_axes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
 
     from ciir.renderer.readers.layout import Layout
 
-_SAVE, _GIVE = "save array", "give pixels ROWSxCOLUMNS (of views)"
+_GIVE = "give pixels ROWSxCOLUMNS (of views)"
 _LAST, _SECOND = (3, 0, 1, 2), (0, 2, 3, 1)
 """The axes of `(H, W, C, N)` and of `(N, C, H, W)` in the order `(N, H, W, C)`."""
 
@@ -54,18 +53,18 @@ def settle_axes(shape: Sequence[int], layout: Layout, name: str) -> Axes:
     if order is not None:
         sizes = [shape[axis] for axis in order]
         is_few = order == _LAST and sizes[0] <= min(shape[:2]) // 4
-        advice = f"; {advise_exchange(shape, _SAVE)}" if is_few and layout.pixels is None else ""
+        advice = f"; {_advise_exchange(shape)}" if is_few and layout.pixels is None else ""
         grid, notes = settle_grid(sizes[0], layout, name, "views", advice=advice)
         return Axes((*grid, *sizes[1:]), notes + noted, order=order)
     if shape[:1] > (0,) and ((len(shape) == 4 and shape[3] <= 4) or (len(shape) == 3 and shape[2] > 4)):
         grid, notes = settle_grid(shape[0], layout, name, "views", advice=_advise_views_last(shape, layout))
         return Axes((*grid, *shape[1:3], *(shape[3:] or (1,))), notes)
     whole = (*shape, 1) if len(shape) == 4 else shape
-    advice = "" if layout.pixels == shape[:2] else advise_exchange(shape, _SAVE)
+    advice = "" if layout.pixels == shape[:2] else _advise_exchange(shape)
     if advice and layout.pixels == shape[2:4]:
         views, pixels = ("{}x{}".format(*sizes) for sizes in (shape[:2], shape[2:4]))
         raise InvalidOption(f"pixels: {name} has {views} views of {pixels} pixels; {advice}")
-    notes = _note_colours(shape) or (note_exchanged_axes(shape, _SAVE) if advice else _note_colours_first(shape))
+    notes = _note_colours(shape) or (_note_exchange(shape) if advice else _note_colours_first(shape))
     return Axes(whole, notes, advice)
 
 
@@ -127,6 +126,23 @@ def _advise_views_last(shape: tuple[int, ...], layout: Layout) -> str:
     if asked != count or min(rows, columns) <= count:
         return ""
     return f"; if they are {count} views of {rows}x{columns} pixels, save np.moveaxis(array, 2, 0)"
+
+
+def _note_exchange(shape: tuple[int, ...]) -> tuple[str, ...]:
+    """Returns a note on `(V, U, H, W, C)` or `(V, U, H, W)` that may be `(H, W, V, U, C)` or `(H, W, V, U)`."""
+    advice = _advise_exchange(shape)
+    return ("axes: {}x{} views of {}x{} pixels; {}".format(*shape[:4], advice),) if advice else ()
+
+
+def _advise_exchange(shape: tuple[int, ...]) -> str:
+    """Returns the remedy for an array that has more rows and columns of views than of pixels, else an empty text."""
+    if len(shape) not in (4, 5) or not (shape[0] > shape[2] and shape[1] > shape[3]):
+        return ""
+    colours, order = (", C", "2, 3, 0, 1, 4") if len(shape) == 5 else ("", "2, 3, 0, 1")
+    return (
+        f"if these are {shape[2]}x{shape[3]} views of {shape[0]}x{shape[1]} pixels, (H, W, V, U{colours}), save "
+        f"array.transpose({order})"
+    )
 
 
 def settle_grid(

@@ -96,13 +96,11 @@ def _finishing(out: str, summary: Summary, finish: Callable[[], None]) -> Iterat
     """Calls `finish` at the end of the block. If the block is interrupted, prints how far it came and how to go on."""
     try:
         yield
-    except Exception:
+    except BaseException as error:
         finish()
-        raise
-    except BaseException:
-        finish()
-        line = f"ciir: {_describe(out, summary)}; the same command continues"
-        print(line, file=sys.stderr, flush=True)
+        if not isinstance(error, Exception):  # Ctrl-C or SIGTERM
+            line = f"ciir: {_describe(out, summary)}; the same command continues"
+            print(line, file=sys.stderr, flush=True)
         raise
     finish()
 

@@ -17,7 +17,7 @@ from ciir.service.pipeline.source import make_layout
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from ciir.models.cards import Accuracy
     from ciir.renderer.views import View
@@ -31,23 +31,23 @@ def run(args: argparse.Namespace) -> None:
     options = common.parse_options(args)
     if args.json is not None:
         place_for_file(Path(args.json))
-    reading = {name: given for name in READING_VIEWS if (given := getattr(options, name)) != getattr(Options, name)}
-    fusion = {} if options.fusion == Options.fusion else {"fusion": options.fusion}
-    of_models = {name: given for name in ("grid", "jpeg") if (given := getattr(args, name)) is not None} | fusion
+    reading = [name for name in READING_VIEWS if getattr(options, name) != getattr(Options, name)]
+    of_views = [name for name in ("grid", "jpeg") if getattr(args, name) is not None]
+    of_views += ["fusion"] if options.fusion != Options.fusion else []
     if args.truth is not None:
-        _refuse(of_models | ({"degradation": args.degradation} if args.degradation else {}), "a MODEL")
-        _refuse({"light-field": args.light_field} if args.light_field else {}, "a MODEL")
+        of_models = [name for name in ("degradation", "light_field") if getattr(args, name)]
+        _refuse(of_views + of_models, "a MODEL")
         _evaluate_results(args, options, has_layout=bool(reading))
     elif args.light_field is not None:
         _evaluate_views(args, options)
     else:
-        _refuse(of_models | reading, "--light-field")
+        _refuse(of_views + reading, "--light-field")
         _evaluate_pictures(args, options)
 
 
-def _refuse(given: Mapping[str, object], partner: str) -> None:
-    for name in given:
-        raise InvalidOption(f"--{name.replace('_', '-')}: this goes with {partner}; leave it out")
+def _refuse(given: Sequence[str], partner: str) -> None:
+    if given:
+        raise InvalidOption(f"--{given[0].replace('_', '-')}: this goes with {partner}; leave it out")
 
 
 def _evaluate_pictures(args: argparse.Namespace, options: Options) -> None:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ciir.training.evaluation.metrics import compute_psnr, compute_ssim, rgb_to_luma
+from ciir.training.evaluation.metrics import average, compute_psnr, compute_ssim, rgb_to_luma, score_map
 
 pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
 
@@ -50,3 +50,15 @@ def test_ssim_against_one_window_by_hand():
 def test_ssim_of_less_than_a_window():
     with pytest.raises(ValueError, match="11x11"):
         compute_ssim(np.zeros((14, 30)), np.zeros((14, 30)), border=2)
+
+
+def test_scores_of_maps_are_of_the_hci_benchmark():
+    found = np.array([[0.5, 0.58], [0.44, 1.5]], np.float32)
+    score = score_map(found, np.full((2, 2), 0.5, np.float32))
+    assert (score.pixels, score.bad) == (4, 0.5)  # 0.08 and 1 are more than 0.07
+    assert score.mse == pytest.approx(100 * (0.08**2 + 0.06**2 + 1) / 4, rel=1e-5)
+
+
+def test_a_mean_is_over_pictures():
+    mean = average("set", {"a": (30.0, 0.9), "b": (34.0, 0.96)})
+    assert (mean.data, mean.pictures, mean.psnr, mean.ssim) == ("set", 2, 32.0, 0.93)

@@ -41,10 +41,14 @@ def read_views(
     return convert_views(read_light_field(path, grid=grid, layout=layout).views, keeps_grey=keeps_grey)
 
 
-def convert_views(views: NDArray[np.uint8 | np.uint16], *, keeps_grey: bool) -> NDArray[np.uint8]:
-    """Converts views of 8 or 16 bits, grey or RGB, as described at `read_views`."""
+def convert_views(
+    views: NDArray[np.uint8 | np.uint16], *, keeps_grey: bool, unused: int | None = None
+) -> NDArray[np.uint8]:
+    """Converts views of 8 or 16 bits, grey or RGB, as described at `read_views`. `unused`: by how many bits those of 16
+    are scaled up; None for as many as they don't use.
+    """
     if views.dtype == np.uint16:
-        views = np.rint(raise_levels(views, count_unused_bits(views)) / 257)
+        views = np.rint(raise_levels(views, count_unused_bits(views) if unused is None else unused) / 257)
     channels = views.shape[4] if keeps_grey else 3
     return np.ascontiguousarray(np.broadcast_to(views, (*views.shape[:4], channels)).astype(np.uint8))
 

@@ -8,7 +8,6 @@ import pytest
 import scipy.io
 
 from ciir.errors import InvalidOption, TooLarge, Unreadable
-from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.containers.axes import settle_axes
@@ -139,18 +138,6 @@ def test_too_many_views_are_pixels(kind):
     with pytest.raises(TooLarge, match=r"views are read; give fewer$") as caught:
         read(np.zeros((66000, 1, 2, 2, 1), np.uint8), kind)
     assert caught.value.limit == "views"
-
-
-def test_a_light_field_made_of_an_array_is_noted_once():
-    array = np.zeros((18, 22, 5, 7, 3), np.uint8)
-    made = LightField(array)
-    advice = "if these are 5x7 views of 18x22 pixels, (H, W, V, U, C), give views.transpose(2, 3, 0, 1, 4)"
-    assert made.notes == (f"axes: 18x22 views of 5x7 pixels; {advice}",)
-    assert made.flip("uv").transpose()[2:, 2:].notes == made.notes
-    assert LightField(array.transpose(2, 3, 0, 1, 4)).notes == ()
-    assert LightField(array.transpose(2, 3, 0, 1, 4))[:, :, :3, :3].notes == ()
-    assert LightField(array, ("mine",)).notes == ("mine",)
-    assert LightField.from_eia(np.zeros((90, 90, 3), np.uint8), rows=5, cols=5).notes == ()
 
 
 @pytest.mark.parametrize("kind", ["npz", "mat", "mat73", "h5"])
