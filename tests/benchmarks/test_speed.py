@@ -26,3 +26,13 @@ def test_what_is_wanted_and_not_reached_is_an_error(wanted, ratio, status, monke
     lines = capsys.readouterr().out.splitlines()
     assert lines[1] == "| what | ms | processor ms | wanted ms | times faster | wanted |"
     assert [line.split(" | ")[0] for line in lines[3:5]] == ["| work", "| - other"]
+
+
+def test_commands_keep_their_compiled_files(monkeypatch):
+    given = []
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+    monkeypatch.setenv("CIIR_WORKERS", "5")
+    monkeypatch.setattr(speed.subprocess, "run", lambda command, env, **others: given.append(env))
+    speed.run_command("scene:vase")
+    assert "PYTHONDONTWRITEBYTECODE" not in given[0]
+    assert given[0]["CIIR_WORKERS"] == "5"

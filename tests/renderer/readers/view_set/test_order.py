@@ -8,6 +8,7 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.layout import Layout
+from ciir.renderer.readers.view_set import reader
 from ciir.renderer.readers.view_set.order import settle_order
 from ciir.renderer.readers.view_set.view_files import Decoder
 from ciir.renderer.view_order import estimate
@@ -186,6 +187,19 @@ def test_among_several_grids_most_tiles_decide():
     flat = views.reshape(24, *views.shape[2:])
     files = {f"{100 + number}.png": encode_png(picture) for number, picture in enumerate(flat)}
     assert np.array_equal(read(files).views, views)
+
+
+def test_the_grid_with_the_most_votes_is_taken_even_if_another_is_certain(monkeypatch):
+    flat = make_views((3, 8)).reshape(24, *make_views((3, 8)).shape[2:])
+    votes = {(4, 6): 5, (3, 8): 20}
+
+    def vote(views):
+        count = votes.get(views.files.shape, 0)
+        return estimate.OrderEstimate("as given", count, count)
+
+    monkeypatch.setattr(reader, "estimate_order", vote)
+    files = {f"{100 + number}.png": encode_png(picture) for number, picture in enumerate(flat)}
+    assert read(files).shape[:2] == (3, 8)
 
 
 def test_a_shape_that_the_pictures_do_not_have_is_noted():
