@@ -15,6 +15,8 @@ from ciir.models.back_projection import measure_contrast
 from ciir.models.light_field.network import compute_luma
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ciir.models.back_projection import SamplingKind
     from ciir.models.light_field.disparities.shifts import Pixels, Plane
 
@@ -100,6 +102,15 @@ def find_sampling(large: Pixels, small: Pixels) -> Finding:
     cleanness = 1 - _rise((sums[kind] / contrast) ** 0.5, *CLEAN[kind])
     error = np.median(np.abs(np.concatenate([part.ravel() for part in differences[kind]]))) / MEDIAN
     return Finding(Sampling(kind, likeness, likeness * cleanness, ERRORS[kind] * float(error)), is_sure)
+
+
+def find_common_means(samplings: Sequence[Sampling | None]) -> Sampling | None:
+    """Returns the medians of those of `samplings` that are means, if more than half of them are; otherwise None."""
+    means = [sampling for sampling in samplings if sampling and sampling.kind == "means"]
+    if 2 * len(means) <= len(samplings):
+        return None
+    likeness, gain, noise = np.median([sampling[1:] for sampling in means], axis=0).tolist()
+    return Sampling("means", likeness, gain, noise)
 
 
 def _crop_border(plane: Plane) -> Plane:

@@ -1,8 +1,9 @@
 """Estimates the disparity of every pixel of a view quickly, for fusion.
 
-A plane sweep over its nearest neighbours in its row and column finds the disparity to a quarter of a pixel, and two
-steps of least squares on the gradient (Lucas and Kanade, IJCAI 1981) refine it. `ciir.renderer.focus` is more exact,
-because it makes pixels agree with their neighbours, and takes 20 times as long.
+A plane sweep over its nearest neighbours in its row and column finds the disparity to a quarter of a pixel. Two steps
+of least squares on the gradient (Lucas and Kanade, IJCAI 1981) refine it, the second one with views that are farther
+away too. `ciir.renderer.focus` is more exact, because it makes pixels agree with their neighbours, and takes 20 times
+as long.
 """
 
 from __future__ import annotations
@@ -29,10 +30,10 @@ PATCH = 5
 """Side of the square over which differences are averaged."""
 LARGEST = np.float32(0.6**2)
 """Squared differences count up to this, in units of contrast: larger ones are other objects."""
-ROUNDS = 2
-"""Steps of least squares."""
+NEAREST = 2
+"""Views of each row and column that the sweep compares."""
 FARTHEST = np.float32(0.5)
-"""Most pixels by which each of them changes a disparity."""
+"""Most pixels by which each step of least squares changes a disparity."""
 SOFT = np.float32(0.3**2)
 """Squared difference, in units of contrast, at which a pixel counts half in least squares."""
 LEAST_SLOPE = np.float32(0.06**2)
@@ -46,10 +47,18 @@ def estimate_disparity(own: Plane, beside: Mapping[View, Plane], limits: Range) 
     column, by offset (down, right), of which one is 0. `limits`: the smallest and the largest disparity. Returns
     `(H, W)`.
     """
-    disparity = _sweep(own, beside, limits)
-    for _ in range(ROUNDS):
-        disparity += _find_step(own, beside, disparity)
+    nearest = _list_nearest(beside)
+    disparity = _sweep(own, nearest, limits)
+    for views in (nearest, beside):
+        disparity += _find_step(own, views, disparity)
     return _remove_outliers(disparity)
+
+
+def _list_nearest(beside: Mapping[View, Plane]) -> dict[View, Plane]:
+    """Lists the nearest `NEAREST` views of the row and of the column."""
+    by_distance = sorted(beside, key=lambda offset: abs(sum(offset)))
+    lines = [[offset for offset in by_distance if offset[axis]] for axis in (0, 1)]
+    return {offset: beside[offset] for line in lines for offset in line[:NEAREST]}
 
 
 def _sweep(own: Plane, beside: Mapping[View, Plane], limits: Range) -> Plane:

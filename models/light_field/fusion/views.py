@@ -12,6 +12,7 @@ from ciir.models.light_field.fusion.disparity import estimate_disparity
 from ciir.models.light_field.fusion.pixels import fuse_lumas
 from ciir.models.light_field.network import compute_luma
 from ciir.models.light_field.planes import Range
+from ciir.models.light_field.sampling import find_common_means
 from ciir.models.light_field.strides import list_spaced_views, upscale_spaced_views
 from ciir.models.light_field.windows import WINDOW_SIDE
 from ciir.models.parallel import run_each
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from ciir.models.light_field.disparities.shifts import Pixels, Plane
     from ciir.models.light_field.finishing import Finishing
     from ciir.models.light_field.fusion import Fusion
+    from ciir.models.light_field.sampling import Sampling
     from ciir.models.light_field.strides import UpscaleViews
     from ciir.models.light_field.windows import View
 
@@ -31,6 +33,8 @@ Value = TypeVar("Value")
 
 BLOCK_SIDE = 3
 """Views along each side of the block whose mean a fused view is."""
+CROSS_SIDE = 5
+"""Views along each line of the cross that a view's disparity is measured with."""
 AT_ONCE, AT_ONCE_PIXELS = 3, 130_000
 """Most views that are upscaled at once, to save memory: the first number, or as many as have so few pixels."""
 JPEG_NOISE = 3.0
@@ -63,18 +67,18 @@ def explain_no_fusion(pixels: int, stride: int) -> str:
     return "content moves little from view to view, so neighbours have much the same errors" if stride > 1 else ""
 
 
-def list_line(view: View, grid: tuple[int, int], axis: int) -> list[View]:
-    """Lists `view` and the two beside it in its column (`axis` 0) or row (1), in a grid of `grid` views. At the border
-    of the grid they lie on one side of it.
+def list_line(view: View, grid: tuple[int, int], axis: int, side: int = BLOCK_SIDE) -> list[View]:
+    """Lists `side` views of the column (`axis` 0) or row (1) of `view`, which is in their middle, in a grid of `grid`
+    views. At the border of the grid more of them lie on one side of it.
     """
-    first = max(0, min(view[axis] - BLOCK_SIDE // 2, grid[axis] - BLOCK_SIDE))
-    places = range(first, min(first + BLOCK_SIDE, grid[axis]))
+    first = max(0, min(view[axis] - side // 2, grid[axis] - side))
+    places = range(first, min(first + side, grid[axis]))
     return [(place, view[1]) if axis == 0 else (view[0], place) for place in places]
 
 
 def list_cross(view: View, grid: tuple[int, int]) -> list[View]:
-    """Lists the views of the lines through `view` along both axes, each once."""
-    return sorted({*list_line(view, grid, 0), *list_line(view, grid, 1)})
+    """Lists the views that the disparity of `view` is measured with, and `view` itself."""
+    return sorted({other for axis in (0, 1) for other in list_line(view, grid, axis, CROSS_SIDE)})
 
 
 def list_block(view: View, grid: tuple[int, int]) -> list[View]:
@@ -133,8 +137,9 @@ class FusingUpscaler:
         result: Any = np.stack([self._upscaled[view].picture for view in wanted])
 
         def fuse(number: int) -> None:
-            self._fuse(wanted[number], result[number])
-            finished[number] = finished[number]._replace(is_fused=True)
+            sampling = self._find_sampling(wanted[number])
+            self._fuse(wanted[number], result[number], sampling)
+            finished[number] = finished[number]._replace(is_fused=True, sampling=sampling)
 
         self._run_each(fuse, numbers)
         _shorten(self._upscaled, self._most_upscaled)
@@ -194,9 +199,15 @@ class FusingUpscaler:
         fused *= np.float32(contrast * _count_levels(picture))
         self._rows[view] = _Row(np.rint(fused).clip(0, LEVELS).astype(np.uint16), disparity)
 
-    def _fuse(self, view: View, picture: Pixels) -> None:
+    def _find_sampling(self, view: View) -> Sampling | None:
+        """Returns how `view` was sampled. If that is unknown, it is assumed to be means like most of its block."""
+        block = list_block(view, self._grid)
+        samplings = [self._upscaled[other].finishing.sampling for other in block]
+        return self._upscaled[view].finishing.sampling or find_common_means(samplings)
+
+    def _fuse(self, view: View, picture: Pixels, sampling: Sampling | None) -> None:
         """Changes `picture`, the upscaled `view`, to the mean of its block. All channels change by as much as luma."""
-        small, sampling = self._views[view], self._upscaled[view].finishing.sampling
+        small = self._views[view]
         contrast = _measure_contrast(small)
         unit = np.float32(1 / (contrast * _count_levels(picture)))
         column = {v - view[0]: self._rows[v, u].luma * unit for v, u in list_line(view, self._grid, 0)}

@@ -7,7 +7,7 @@ from PIL import Image
 from ciir.bit_depth import round_to_depth
 from ciir.models.back_projection import restore_luma
 from ciir.models.light_field.finishing import MOST, SURROUNDED
-from ciir.models.light_field.sampling import WHOLE_ROWS
+from ciir.models.light_field.sampling import WHOLE_ROWS, Sampling, find_common_means
 from ciir.models.light_field.sampling import find_sampling as find
 from ciir.models.light_field.views import upscale_views
 from ciir.models.single.skipping import SkipStatistics
@@ -267,3 +267,11 @@ def test_views_that_are_sure_need_no_other():
     network = MakingTwo(dict.fromkeys(range(25), fine))
     upscale_views(network, Black(), views, [(0, 0), (2, 2)], (5, 5), finds_sampling=True)
     assert sorted(network.made) == [0, 12]
+
+
+def test_common_means_are_those_of_more_than_half():
+    means = [Sampling("means", 1.0, gain, noise) for gain, noise in ((0.2, 0.03), (1.0, 0.01), (0.9, 0.02))]
+    others = [None, Sampling("filter", 1.0, 1.0, 0.0)]
+    assert find_common_means([*means, *others]) == Sampling("means", 1.0, 0.9, 0.02)
+    assert find_common_means([*means[:2], *others]) is None
+    assert find_common_means([None]) is None

@@ -39,6 +39,17 @@ def test_neighbours_further_away_count_in_steps(disparity, limits):
     assert abs(np.median(found) - disparity) < 0.02
 
 
+def test_farther_views_make_it_more_exact():
+    texture, rng = make_texture(40, 50), np.random.default_rng(1)
+    far = [(2 * down, 2 * right) for down, right in OFFSETS]
+    views = {offset: look(texture, 0.4, offset) + rng.normal(0, 0.05, (40, 50)) for offset in ((0, 0), *OFFSETS, *far)}
+    own, errors = views.pop((0, 0)), []
+    for offsets in (OFFSETS, (*OFFSETS, *far)):
+        found = estimate_disparity(own, {offset: views[offset] for offset in offsets}, Range(-1, 1))
+        errors.append(np.std(found[6:-6, 6:-6] - 0.4))
+    assert errors[1] < 0.9 * errors[0]
+
+
 @pytest.mark.parametrize("shape", [(1, 1), (1, 20), (20, 1), (2, 2), (3, 7)])
 def test_views_of_any_size(shape):
     noise = np.random.default_rng(0).random((5, *shape), np.float32)

@@ -274,6 +274,35 @@ def test_restored_views_are_closer_to_what_was_seen_than_fused_ones():
     assert measure(Finishing(sampling=noisy)) < measure(Finishing(sampling=noisy), is_jpeg=True)
 
 
+def test_a_view_that_leaves_its_sampling_open_follows_its_block():
+    views, means = make_views(), Sampling("means", 1.0, 1.0, 0.0)
+    filtered = Sampling("filter", 1.0, 1.0, 0.0)
+
+    class Unsure(Upscaling):
+        def __init__(self, others):
+            super().__init__(noise=12)
+            self.others = others
+
+        def __call__(self, views, wanted, grid):
+            made, finished = super().__call__(views, wanted, grid)
+            return made, [
+                each._replace(sampling=self.others.get(view)) for view, each in zip(wanted, finished, strict=True)
+            ]
+
+    block = [view for view in list_block((2, 2), GRID) if view != (2, 2)]
+    for others, sampling in (
+        (dict.fromkeys(block[:5], means), means),
+        (dict.fromkeys(block[:4], means), None),
+        (dict.fromkeys(block, filtered), None),  # it would have become a mean with the fallback before
+        (dict.fromkeys(block, means) | {(2, 2): filtered}, filtered),
+    ):
+        (picture,), (finishing,) = make_upscaler(Unsure(others), views)({}, [(2, 2)])
+        assert finishing.sampling == sampling
+        seen = picture.reshape(16, 2, 18, 2, 3).mean(axis=(1, 3, 4))
+        is_close = np.abs(seen - views[2, 2].mean(axis=2)).mean() < 1
+        assert is_close == (sampling is means)
+
+
 def test_fused_views_need_the_windows_of_their_blocks():
     needed = list_fused_views([(0, 0)], (9, 9), 1)
     assert needed == [(v, u) for v in range(5) for u in range(5)]
