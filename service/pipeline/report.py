@@ -33,11 +33,12 @@ class _Nested(threading.local):
 class Clock:
     """Counts wall-clock milliseconds for each stage.
 
-    Times of several threads overlap. A stage inside another isn't counted twice. Each stage is in one thread at a time.
+    Several threads may be in a stage; their times add up. A stage inside another of the same thread isn't counted twice.
     """
 
     def __init__(self) -> None:
         self._begun = time.perf_counter()
+        self._lock = threading.Lock()
         self._seconds: dict[str, float] = {}
         self._nested = _Nested()
 
@@ -50,7 +51,8 @@ class Clock:
             yield
         finally:
             took = time.perf_counter() - begun
-            self._seconds[name] = self._seconds.get(name, 0.0) + took - self._nested.seconds
+            with self._lock:
+                self._seconds[name] = self._seconds.get(name, 0.0) + took - self._nested.seconds
             self._nested.seconds = before + took
 
     def timings_ms(self) -> dict[str, float]:

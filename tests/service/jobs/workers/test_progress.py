@@ -1,3 +1,6 @@
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
 from ciir.service.jobs.workers import progress
 from ciir.service.jobs.workers.progress import ProgressClock
 
@@ -41,3 +44,26 @@ def test_stages_are_reported_when_they_change_and_views_at_intervals(monkeypatch
         ("encode", 5, 5),
     ]
     assert set(clock.timings_ms()) == {"decode", "render", "encode", "total"}
+
+
+def test_two_threads_may_be_in_one_stage():
+    reported, together = [], threading.Barrier(2)
+    clock = ProgressClock(reported.append)
+
+    def work(others):
+        with clock.stage("map"):
+            together.wait(5)
+        others.wait(5)
+
+    def work_on(others):
+        with clock.stage("map"):
+            together.wait(5)
+            others.wait(5)  # the other one has left
+
+    with ThreadPoolExecutor(2) as pool:
+        left = threading.Barrier(2)
+        for future in [pool.submit(work, left), pool.submit(work_on, left)]:
+            future.result(10)
+    with clock.stage("upscale"):
+        pass
+    assert [data["stage"] for data in reported] == ["map", "upscale"]
