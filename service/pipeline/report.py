@@ -33,7 +33,7 @@ class _Nested(threading.local):
 class Clock:
     """Counts wall-clock milliseconds for each stage.
 
-    Several threads may be in a stage; their times add up. A stage inside another of the same thread isn't counted twice.
+    Several threads may be in a stage; their times add up. A stage inside another one of its thread counts once.
     """
 
     def __init__(self) -> None:
