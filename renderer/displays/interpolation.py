@@ -40,22 +40,37 @@ def interpolate_views(views: Pixels, count: int) -> Pixels:
     total = len(views)
     if total == 1 or count == 1:
         return np.broadcast_to(views[(total - 1) // 2], (count, *views.shape[1:]))
-    least, largest = find_disparities(views)
-    searched = range(least - 1, largest + 2)
+    searched = choose_searched(views)
     result = np.empty((count, *views.shape[1:]), views.dtype)
     positions = np.linspace(0, total - 1, count)
 
     def make(index: int) -> None:
-        position = positions[index]
-        left = min(int(position + 1e-9), total - 2)  # so that a rounding error does not miss an existing view
-        fraction = position - left
-        if min(fraction, 1 - fraction) < 1e-6:
-            result[index] = views[left + round(fraction)]
-        else:
-            result[index] = np.rint(_interpolate(views[left], views[left + 1], fraction, searched)[0])
+        result[index] = interpolate_view(views, positions[index], searched)
 
     run_parts(make, count)
     return result
+
+
+def choose_searched(views: Pixels) -> range:
+    """Returns the disparities to search between neighbours of `(n, h, w, c)`, whole pixels; only 0 if n is 1."""
+    if len(views) == 1:
+        return range(1)
+    least, largest = find_disparities(views)
+    return range(least - 1, largest + 2)
+
+
+def interpolate_view(views: Pixels, position: float, searched: range) -> Pixels:
+    """Returns the view at `position`, from 0 for the first of `views` `(n, h, w, c)` to n - 1, as `interpolate_views`
+    does, `(h, w, c)`. `searched`: from `choose_searched`.
+    """
+    left = max(0, min(int(position + 1e-9), len(views) - 2))  # so that a rounding error does not miss an existing view
+    fraction = position - left
+    if min(fraction, 1 - fraction) < 1e-6:
+        existing: Pixels = views[left + round(fraction)]
+        return existing
+    between = np.empty(views.shape[1:], views.dtype)
+    between[...] = np.rint(_interpolate(views[left], views[left + 1], fraction, searched)[0])
+    return between
 
 
 def find_disparities(views: Pixels) -> tuple[int, int]:

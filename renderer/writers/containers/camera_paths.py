@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
+from ciir.cores import count_available_cores
 from ciir.errors import InvalidOption
+from ciir.renderer.displays.interpolation import choose_searched, interpolate_view
 from ciir.renderer.writers.options import PathName
 
 if TYPE_CHECKING:
@@ -16,9 +19,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ciir.renderer.light_field import LightField
+    from ciir.renderer.readers.pictures import Pixels
 
 _TURNS = 3
 """Turns of the spiral."""
+_ROUNDING = 1e-9
+"""How far rounding may move a position."""
 
 
 def list_positions(path: PathName, frames: int, grid: tuple[int, int]) -> list[tuple[float, float]]:
@@ -47,35 +53,40 @@ def list_positions(path: PathName, frames: int, grid: tuple[int, int]) -> list[t
 
 
 def draw_frames(light_field: LightField, path: PathName, frames: int, unused: int = 0) -> Iterator[NDArray[np.uint8]]:
-    """Yields what the camera sees at each position, `(H, W, 3)`: between views, the nearest four, blended
-    bilinearly.
+    """Yields what the camera sees at each position, `(H, W, 3)`: between views, interpolated ones
+    (`renderer.displays.interpolation`), first along rows, then between these.
 
     `unused`: from `ciir.bit_depth.count_unused_camera_bits`.
     """
     views = light_field.with_depth_sense("cameras").views
-    positions = list_positions(path, frames, (views.shape[0], views.shape[1]))
-    return (_to_rgb8(_blend(views, v, u) * 2**unused) for v, u in positions)
+    rows, columns = views.shape[:2]
+    across = choose_searched(views[(rows - 1) // 2])
+    down = choose_searched(_turn(views[:, (columns - 1) // 2]))
+
+    def draw(position: tuple[float, float]) -> NDArray[np.uint8]:
+        v, u = position
+        some = slice(math.floor(v + _ROUNDING), math.ceil(v - _ROUNDING) + 1)
+        beside: NDArray[Any] = np.stack([interpolate_view(row, u, across) for row in views[some]])
+        seen = interpolate_view(_turn(beside), v - some.start, down)
+        return to_rgb8(seen.transpose(1, 0, 2), unused)
+
+    count = count_available_cores()
+    positions = list_positions(path, frames, (rows, columns))
+    with ThreadPoolExecutor(count, thread_name_prefix="frames") as pool:
+        for first in range(0, frames, count):  # so that few frames are kept
+            yield from pool.map(draw, positions[first : first + count])
 
 
-def _blend(views: NDArray[Any], v: float, u: float) -> NDArray[np.float32]:
-    """Returns the mean of the views around (v, u), each weighted by 1 minus its distance in v and in u."""
-    top, left = math.floor(v), math.floor(u)
-    blended = np.zeros(views.shape[2:], np.float32)
-    for row, weight_v in ((top, 1 - (v - top)), (top + 1, v - top)):
-        for column, weight_u in ((left, 1 - (u - left)), (left + 1, u - left)):
-            if weight_v * weight_u > 0:
-                blended += np.float32(weight_v * weight_u) * views[row, column]
-    return blended / np.float32(np.iinfo(views.dtype).max)
+def _turn(views: NDArray[Any]) -> NDArray[Any]:
+    """Returns views of a column `(n, H, W, C)` as those of a row `(n, W, H, C)`."""
+    return views.transpose(0, 2, 1, 3)
 
 
-def to_rgb8(pixels: NDArray[np.uint8] | NDArray[np.uint16], unused: int = 0) -> NDArray[np.uint8]:
+def to_rgb8(pixels: Pixels, unused: int = 0) -> NDArray[np.uint8]:
     """Returns a picture as a frame, `(H, W, 3)`: grey becomes RGB, alpha is ignored, 16 bits are raised by `unused`
     bits and rounded.
     """
-    return _to_rgb8(pixels.astype(np.float32) * 2**unused / np.float32(np.iinfo(pixels.dtype).max))
-
-
-def _to_rgb8(picture: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Converts to RGB: grey is repeated, alpha is ignored."""
-    colours = picture[..., :3] if picture.shape[2] >= 3 else picture[..., :1].repeat(3, axis=2)
-    return np.rint(255 * np.clip(colours, 0, 1)).astype(np.uint8)
+    colours = pixels[..., :3] if pixels.shape[2] >= 3 else pixels[..., :1].repeat(3, axis=2)
+    share = colours.astype(np.float32) * 2**unused / np.float32(np.iinfo(pixels.dtype).max)
+    levels: NDArray[np.uint8] = np.rint(255 * np.clip(share, 0, 1)).astype(np.uint8)
+    return levels

@@ -77,9 +77,7 @@ class PathWriter(WholeWriter):
         else:
             notes = self.write_frames(draw_frames(light_field, self.options.path, self.count, unused))
             if views.shape[0] * views.shape[1] > 1:
-                notes.append(
-                    "between views the nearest are blended: content that moves by more than a pixel is seen twice there"
-                )
+                notes.append("frames between views are interpolated")
         return [*notes, *self._list_losses(views.shape[4], views.dtype, unused)]
 
     def stream(self, contents: Contents, pictures: Iterable[Pixels]) -> list[str]:

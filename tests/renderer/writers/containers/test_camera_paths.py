@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
@@ -49,6 +50,21 @@ def test_frames_are_the_views_at_their_positions():
     frames = [frame[0, 0, 0] for frame in draw_frames(LightField(views, depth_sense="cameras"), "sweep", 8)]
     # u = 1 - cos(pi * n / 4): 0, 0.29, 1, 1.71, 2 and back, and between views the mean by distance
     assert frames == [0, 29, 100, 171, 200, 171, 100, 29]
+
+
+@pytest.mark.parametrize("disparity", [-4, 6])
+def test_content_between_views_is_seen_once(disparity):
+    texture = ndimage.gaussian_filter(np.random.default_rng(0).random((120, 120, 3)), (1.5, 1.5, 0))
+    texture = ((texture - texture.min()) / np.ptp(texture) * 255).astype(np.uint8)
+
+    def look(v, u):
+        top, left = 30 + round(v * disparity), 30 + round(u * disparity)
+        return texture[top : top + 48, left : left + 56]
+
+    views = np.array([[look(v, u) for u in range(4)] for v in range(4)])
+    frame = next(draw_frames(LightField(views, depth_sense="cameras"), "spiral", 9))  # between four views
+    error = (frame.astype(int) - look(1.5, 1.5))[12:-12, 12:-12]
+    assert np.abs(error).mean() < 2
 
 
 def test_the_camera_of_a_lens_array_starts_on_the_left_too():
