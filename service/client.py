@@ -28,7 +28,7 @@ from ciir.service.pipeline.options import KINDS
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Iterator, Mapping
 
-    from ciir.service.client_messages import File
+    from ciir.service.pipeline.given import File
     from ciir.service.pipeline.options import KindName
 
 __all__ = ["AsyncClient", "AsyncJob", "Client", "Event", "Job", "Result"]

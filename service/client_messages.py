@@ -31,15 +31,12 @@ from ciir.service.pipeline.options import FILE_TYPES, KINDS, write_texts
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
-    from os import PathLike
 
     import httpx2
     from httpx2 import ServerSentEvent
 
+    from ciir.service.pipeline.given import File
     from ciir.service.pipeline.options import KindName
-    from ciir.service.pipeline.source import SupportsRead
-
-    File = str | PathLike[str] | bytes | SupportsRead
 
 T = TypeVar("T")
 FINAL = frozenset({"done", "failed", "cancelled"})
@@ -174,8 +171,9 @@ def open_source(source: File) -> tuple[str, str | None, IO[bytes]]:
     shipped scene. A file object is read here, and left open.
     """
     from ciir.renderer.readers.bundle import Folder
+    from ciir.service.pipeline.given import read_given
     from ciir.service.pipeline.limits import read_limits
-    from ciir.service.pipeline.source import SCENE, read_given
+    from ciir.service.pipeline.source import SCENE
 
     given = read_given(source)
     if not isinstance(given, str):

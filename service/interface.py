@@ -16,10 +16,11 @@ from ciir.renderer.writers.atomic_write import read_path
 from ciir.renderer.writers.pictures import encode_png
 from ciir.renderer.writers.writer import MemoryWriter
 from ciir.service.pipeline.elemental import render_eia
+from ciir.service.pipeline.given import open_given
 from ciir.service.pipeline.options import RECONSTRUCTION, Options
 from ciir.service.pipeline.options.writing import WRITING
 from ciir.service.pipeline.run import reconstruct as run_reconstruction
-from ciir.service.pipeline.source import Input, add_frames, as_light_field, draw_grid_at, open_path
+from ciir.service.pipeline.source import Input, add_frames, as_light_field, draw_grid_at
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -30,13 +31,13 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.layout import Arrangement, OrderCheck
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import Flip, Pickup, View
+    from ciir.service.pipeline.given import File
     from ciir.service.pipeline.options import Backend, Sampling
     from ciir.service.pipeline.options.lenslet import GridShape, Pitch
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.run import Progress
-    from ciir.service.pipeline.source import SupportsRead
+    from ciir.service.pipeline.source import Frame
 
-    File = str | PathLike[str] | bytes | SupportsRead
     Given = File | LightField
 
 Picture = TypeVar("Picture", np.uint8, np.uint16)
@@ -98,8 +99,8 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     lens_offset: tuple[float, float] | None = None,
     lens_rotation: float | None = None,
     lens_grid: GridShape = "auto",
-    white: str | PathLike[str] | None = None,
-    dark: str | PathLike[str] | None = None,
+    white: Frame | None = None,
+    dark: Frame | None = None,
     show_grid: str | PathLike[str] | None = None,
     progress: Progress | None = None,
 ) -> LightField:
@@ -107,7 +108,7 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     from `docs/formats.md` such as `.npz`, `.mat`, `.h5`, a TIFF stack or a video.
 
     `path`: the file or folder; or its content, as bytes or as a file object opened for reading bytes, whose `name`, if
-    it has one, gives the suffix.
+    it has one, gives the suffix; or an array, which is read like a `.npy` file.
     `lenses`: rows and columns of lenses; `pixels`: rows and columns of pixels under each lens. An elemental image array
     needs one of them. `pickup`: `optical` if each elemental image is turned by 180 degrees, as real lenses do. None
     means what a PNG written by this package says, else `virtual`.
@@ -124,7 +125,7 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
     `lens_pitch`: pixels from lens to lens in a raw lenslet picture, or `auto` to find its lens grid in it.
     `lens_offset`: (y, x) of one lens's centre in pixels; `lens_rotation`: the degrees by which rows of lenses go down
     to the right; `lens_grid`: `square` or `hexagonal`. Each of them is found if it is not given. `white`, `dark`: paths
-    of its white and dark frames. `show_grid`: a PNG to write, with the grid drawn over the picture.
+    or arrays of its white and dark frames. `show_grid`: a PNG to write, with the grid drawn over the picture.
     `progress(done, total)` counts inputs: it is called with (0, 1) and (1, 1).
 
     Raises `ciir.Error`. A mesh is refused with `InvalidOption`; use `render` for it.
@@ -149,7 +150,7 @@ def open(  # noqa: A001 - `ciir.open`, as in Pillow
             "lens_grid": lens_grid,
         }
     )
-    source = add_frames(open_path(path), white=white, dark=dark)
+    source = add_frames(open_given(path), white=white, dark=dark)
     if show_grid is not None:
         source = draw_grid_at(source, asked, show_grid)
     content = Input(source).read(asked)
@@ -225,7 +226,7 @@ def render(
     if progress is not None:
         progress(0, 1)
     kept: list[Pixels] = []
-    report = render_eia(open_path(mesh), options, kept.append)
+    report = render_eia(open_given(mesh), options, kept.append)
     array = report["lens_array"]
     views = LightField.from_eia(kept[0], rows=array["rows"], cols=array["cols"]).views
     if progress is not None:
@@ -310,6 +311,6 @@ def reconstruct(source: Given, *, progress: Progress | None = None, **options: A
     """
     names = [name for name in RECONSTRUCTION if name not in WRITING]
     writer = MemoryWriter()
-    given = source if isinstance(source, LightField) else open_path(source)
+    given = source if isinstance(source, LightField) else open_given(source)
     report = run_reconstruction(given, Options.convert(options, names), writer, progress=progress)
     return Reconstruction(writer.views, report)

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ciir.errors import InvalidOption, TooLarge
+from ciir.errors import InvalidOption
 from ciir.renderer.levels import advise_levels
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle, read_file
 from ciir.renderer.readers.layout import Layout
 from ciir.renderer.readers.meshes.pose import AS_STORED, MeshPose
-from ciir.renderer.readers.names import clean_text
 from ciir.renderer.readers.registry import ARRAY_PICTURE, LYTRO, LYTRO_RAW, MeshFormat, is_picture
 from ciir.renderer.readers.view_set.order import ASKED, reorient, take_order
 from ciir.renderer.readers.view_set.view_files import ViewFiles
@@ -31,17 +29,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from ciir.renderer.readers.pictures import Pixels
-
-
-@runtime_checkable
-class SupportsRead(Protocol):
-    """A file object that is open for reading bytes."""
-
-    def read(self, size: int, /) -> bytes:
-        """Reads at most `size` bytes; returns none at the end."""
-        ...
-
+    Frame = str | PathLike[str] | NDArray[Any]
+    """A white or dark frame: its path or its pixels, `(H, W)` or `(H, W, C)`."""
 
 Source = Bundle | LightField | Scene | str
 """Files, a light field or a mesh in memory, or the name of a scene in `renderer.scenes`."""
@@ -66,24 +55,33 @@ def open_bundle(text: str) -> Bundle:
     return Bundle.from_path(Path(text), read_limits())
 
 
-def add_frames(source: Source, *, white: str | PathLike[str] | None, dark: str | PathLike[str] | None) -> Source:
-    """Adds the white and dark frames at these paths to the raw lenslet picture `source`, like a zip of them.
+def add_frames(source: Source, *, white: Frame | None, dark: Frame | None) -> Source:
+    """Adds white and dark frames to the raw lenslet picture `source`, like a zip of them.
 
     Raises `InputError`.
     """
-    paths = {name: read_path(path, name) for name, path in (("white", white), ("dark", dark)) if path is not None}
-    if not paths:
+    given = {name: frame for name, frame in (("white", white), ("dark", dark)) if frame is not None}
+    frames = dict(_read_frame(name, frame) for name, frame in given.items())
+    if not frames:
         return source
-    for name, path in paths.items():
-        if not is_picture(path.name):
-            raise InvalidOption(f"{name}: {path} is not a picture; give one as large as the raw picture, such as a PNG")
     if not isinstance(source, Bundle) or source.main is None or not (is_picture(source.main) or _is_array(source.main)):
         raise InvalidOption(
-            f"{', '.join(paths)}: frames go with one raw lenslet picture; give the picture as the input, with its "
+            f"{', '.join(given)}: frames go with one raw lenslet picture; give the picture as the input, with its "
             "suffix, such as .png"
         )
-    frames = {f"frames/{name}{path.suffix}": read_file(path, source.limits) for name, path in paths.items()}
     return replace(source, main=None, files={source.main: source.files[source.main]} | frames)
+
+
+def _read_frame(name: str, frame: Frame) -> tuple[str, bytes]:
+    """Returns the key and the content of a frame for a bundle. An array becomes a PNG."""
+    if isinstance(frame, np.ndarray):
+        from ciir.renderer.writers.pictures import encode_png
+
+        return f"frames/{name}.png", encode_png(as_light_field(frame, name).views[0, 0])
+    path = read_path(frame, name)
+    if not is_picture(path.name):
+        raise InvalidOption(f"{name}: {path} is not a picture; give one as large as the raw picture, such as a PNG")
+    return f"frames/{name}{path.suffix}", read_file(path, read_limits())
 
 
 def draw_grid_at(source: Source, options: Options, path: str | PathLike[str]) -> Source:
@@ -273,70 +271,22 @@ def _make_pose(options: Options) -> MeshPose:
     return MeshPose(times[0], options.camera, options.animation)
 
 
-def open_path(path: str | PathLike[str] | bytes | SupportsRead) -> Source:
-    """Opens a path like `open_source`, or the content of one file or zip.
-
-    The content is given as in `read_given`. Raises `InputError`.
-    """
-    given = read_given(path)
-    return open_source(given) if isinstance(given, str) else Bundle.from_upload(*given, read_limits())
-
-
-def read_given(path: str | PathLike[str] | bytes | SupportsRead) -> str | tuple[str, bytes]:
-    """Returns the text of a path, or the name and the content of a file that is given as bytes or as a file object.
-
-    The file object is opened for reading bytes; its `name`, if it has one, gives the suffix. Raises `InvalidOption` for
-    anything else, and `TooLarge`.
-    """
-    if isinstance(path, bytes | bytearray | memoryview):
-        return "bytes", bytes(path)
-    if isinstance(path, SupportsRead) and not isinstance(path, os.PathLike):  # a path that has read() is still a path
-        given = getattr(path, "name", None)
-        name = given if isinstance(given, str) else "file"
-        return name, _read_all(path, name, read_limits().bytes)
-    try:
-        text = os.fspath(path)
-    except TypeError as error:
-        raise InvalidOption(
-            f"a path, a file or bytes is needed, not {type(path).__name__}; give a file's name "
-            "(ciir.LightField(array) takes views)"
-        ) from error
-    return os.fsdecode(text)
-
-
-def _read_all(file: SupportsRead, name: str, most: int) -> bytes:
-    """Reads the rest of a file.
-
-    Raises `InvalidOption` if it doesn't return bytes, and `TooLarge` for more than `most`.
-    """
-    data = bytearray()
-    while len(data) <= most:
-        part = file.read(most + 1 - len(data))
-        if not isinstance(part, bytes):
-            raise InvalidOption(f"file: its read() gives {type(part).__name__}, not bytes; open it with mode 'rb'")
-        if not part:
-            return bytes(data)
-        data += part
-    raise TooLarge(f"{clean_text(name)}: over {most:,} bytes, the most that are read; give a smaller file", "bytes")
-
-
-def as_light_field(picture: Pixels) -> LightField:
+def as_light_field(picture: Any, name: str = "images") -> LightField:
     """Makes a light field with one view from one picture, `(H, W)` or `(H, W, C)`.
 
-    Raises `InvalidOption` for others.
+    Raises `InvalidOption` for others, which `name` is for.
     """
     if not isinstance(picture, np.ndarray):
         given = type(picture).__name__
     elif picture.dtype.newbyteorder("=") not in (np.uint8, np.uint16):
         raise InvalidOption(
-            f"images: {picture.dtype.name} is not accepted; give uint8 or uint16, as in "
-            f"{advise_levels(picture, 'images')}"
+            f"{name}: {picture.dtype.name} is not accepted; give uint8 or uint16, as in {advise_levels(picture, name)}"
         )
     elif picture.ndim not in (2, 3) or 0 in picture.shape or picture.shape[2:] > (4,):
         given = f"an array of shape {picture.shape}"
     else:
         return LightField(picture.reshape(1, 1, *picture.shape[:2], -1))
     raise InvalidOption(
-        f"images: {given} is not accepted; give a picture (H, W) or (H, W, C) with 1 to 4 channels, or "
+        f"{name}: {given} is not accepted; give a picture (H, W) or (H, W, C) with 1 to 4 channels, or "
         "ciir.LightField(array) for views"
     )

@@ -51,6 +51,7 @@ def test_the_content_of_a_file_and_open_files(client, server, eia_file, tmp_path
             memoryview(eia_file.read_bytes()),
             file,
             io.BytesIO(eia_file.read_bytes()),
+            EIA,
         ):
             assert client.reconstruct(source, **FIELDS).content == whole.content
         assert not file.closed
@@ -61,7 +62,7 @@ def test_the_content_of_a_file_and_open_files(client, server, eia_file, tmp_path
             return (await other.reconstruct(io.BytesIO(eia_file.read_bytes()), **FIELDS)).content
 
     assert asyncio.run(run()) == whole.content
-    for wrong, text in ((EIA, "a path, a file or bytes is needed, not ndarray"), (None, "not NoneType")):
+    for wrong, text in (([EIA], "a path, a file, bytes or a NumPy array is needed, not list"), (None, "not NoneType")):
         with pytest.raises(InvalidOption, match=text):
             client.reconstruct(wrong, **FIELDS)
     with eia_file.open("r", encoding="latin-1") as file, pytest.raises(InvalidOption, match="open it with mode 'rb'"):

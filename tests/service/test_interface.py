@@ -172,7 +172,10 @@ def test_options_of_a_wrong_type_are_one_line(options):
         (lambda _: ciir.reconstruct("scene:vase", lens_pitch=3), "lens_pitch: 3 is out of range; give 5 to 200"),
         (lambda _: ciir.reconstruct("scene:vase", lenses=(0, -1)), "give rows and columns from 1 to 999,999, such as"),
         (lambda _: ciir.open("scene:vase", white=3), "white: 3 is not a name"),
-        (lambda _: ciir.open(EIA), "a path, a file or bytes is needed, not ndarray"),
+        (lambda _: ciir.open([EIA]), "a path, a file, bytes or a NumPy array is needed, not list"),
+        (lambda _: ciir.open(EIA), "^array.npy: .* in lenses 50x50"),
+        (lambda _: ciir.open(np.array([None])), "array.npy: an array of Python objects; give numbers"),
+        (lambda _: ciir.open(EIA, lens_pitch=9, white=EIA / 255), r"white: float64 .*\(255 \* white\)\.round"),
         (lambda _: ciir.upscale(EIA, model="field"), "field takes the views of a light field"),
         (lambda _: ciir.upscale(np.zeros((0, 5, 3), np.uint8)), r"images: an array of shape \(0, 5, 3\)"),
         (lambda _: ciir.render("scene:vase", **SMALL).eia(pickup="turned"), "pickup: 'turned'"),
@@ -191,9 +194,10 @@ def test_errors_are_one_line_with_the_remedy(tmp_path, cube_file, eia_file, call
     assert "\n" not in str(caught.value)
 
 
-def test_bytes_and_open_files_are_read_as_files_are(eia_file, cube_file, tmp_path):
+def test_bytes_open_files_and_arrays_are_read_as_files_are(eia_file, cube_file, tmp_path):
     size = (6, 9)
     expected = ciir.open(eia_file, lenses=size)
+    assert np.array_equal(ciir.open(EIA, lenses=size), expected)
     with eia_file.open("rb", buffering=0) as file:
         assert np.array_equal(ciir.open(file, lenses=size), expected)
     assert np.array_equal(ciir.open(EIA_PNG, lenses=size), expected)

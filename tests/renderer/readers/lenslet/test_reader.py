@@ -42,6 +42,15 @@ def test_views_of_the_middle_are_brightest_without_a_white_picture():
     assert "there was no white picture" in light_field.notes[1]
 
 
+def test_arrays_are_read_as_files_are(tmp_path):
+    for name, picture in (("raw", RAW), ("white", WHITE), ("dark", DARK)):
+        (tmp_path / f"{name}.png").write_bytes(encode_png(picture))
+    expected = ciir.open(tmp_path / "raw.png", lens_pitch=9.3, white=tmp_path / "white.png", dark=tmp_path / "dark.png")
+    found = ciir.open(RAW, lens_pitch=9.3, white=WHITE, dark=DARK)
+    np.testing.assert_array_equal(found.views, expected.views)
+    assert "there was no white picture" not in str(found.notes)
+
+
 def test_a_grid_of_whole_numbers_is_read_as_an_elemental_image_array():
     bundle = make_bundle(raw=make_picture(6 * 5, 9 * 5, 3))
     found = read(bundle, Layout(lens_grid=Known(5.0, (2.0, 2.0), 0.0, "square"), order="given"))
