@@ -175,7 +175,8 @@ def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command.add_argument(
         "--truth",
         metavar="INPUT",
-        help="compare results with this: a picture, a light field, or a disparity map (.pfm, .npy), of the same size",
+        help="compare results with this, of the same size: a picture, a light field, a folder of pictures with the "
+        "same names, or a disparity map (.pfm, .npy, .tif, .png, as `ciir depth` writes them)",
     )
     command.add_argument(
         "--degradation",

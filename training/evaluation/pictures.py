@@ -43,6 +43,8 @@ class Measured(NamedTuple):
     mean: Accuracy
     pictures: dict[str, tuple[float, float]]
     """Name of the HR file -> Y-PSNR (dB, infinite if nothing differs) and SSIM."""
+    notes: tuple[str, ...] = ()
+    """What was found while the pictures were read."""
 
 
 def score(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accuracy:

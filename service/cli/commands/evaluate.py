@@ -70,9 +70,11 @@ def _evaluate_pictures(args: argparse.Namespace, options: Options) -> None:
             found = evaluate(names[0], folder, scale=options.scale, degradation=args.degradation)
         except ValueError as error:
             raise InvalidOption(str(error)) from error
-        each = [{"file": file, "psnr": _finite(psnr), "ssim": ssim} for file, (psnr, ssim) in found.pictures.items()]
         _show_score(f"{names[0]} on {found.mean.data}", found.mean, "pictures")
-        entries.append(_describe_model(names[0], found.mean, args.degradation or None) | {"pictures": each})
+        entries.append(
+            _describe_model(names[0], found.mean, args.degradation or None)
+            | {"pictures": _list_pictures(found.pictures)}
+        )
     _write_scores(describe_protocol(args.degradation), options.scale, entries, args.json)
 
 
@@ -114,23 +116,28 @@ def _evaluate_views(args: argparse.Namespace, options: Options) -> None:
 def _evaluate_results(args: argparse.Namespace, options: Options, *, has_layout: bool) -> None:
     if not args.words:
         raise InvalidOption(f"evaluate: give results to compare with --truth {args.truth}")
-    from ciir.training.evaluation.results import PROTOCOL, compare_maps, compare_views, is_map
+    from ciir.training.evaluation.light_fields import Measured
+    from ciir.training.evaluation.maps import compare_maps, is_map
+    from ciir.training.evaluation.results import PROTOCOL, compare
 
     truth, layout = Path(args.truth), make_layout(options) if has_layout else None
+    are_maps = layout is None and is_map(truth)
     entries: list[dict[str, Any]] = []
     notes: list[str] = []
     for name in args.words:
         try:
-            if is_map(truth):
-                found = compare_maps(Path(name), truth)
-                bad, mse = f"BadPix(0.07) {100 * found.bad:.2f} %", f"MSE x100 {found.mse:.3f}"
-                common.print_line(f"{name} against {args.truth}: {bad}, {mse} over {found.pixels:,} pixels")
-                scores: dict[str, Any] = {"count": found.pixels, "bad": found.bad, "mse_x100": _finite(found.mse)}
+            if are_maps:
+                score, found_notes = compare_maps(Path(name), truth)
+                bad, mse = f"BadPix(0.07) {100 * score.bad:.2f} %", f"MSE x100 {score.mse:.3f}"
+                common.print_line(f"{name} against {args.truth}: {bad}, {mse} over {score.pixels:,} pixels")
+                scores: dict[str, Any] = {"count": score.pixels, "bad": score.bad, "mse_x100": _finite(score.mse)}
             else:
-                views = compare_views(Path(name), truth, border=options.scale, layout=layout)
-                _show_score(f"{name} against {args.truth}", views.mean, "views")
-                scores = _describe_accuracy(views.mean) | {"views": _list_views(views.views)}
-                notes += [note for note in views.notes if note not in notes]
+                found = compare(Path(name), truth, border=options.scale, layout=layout)
+                counted = "views" if isinstance(found, Measured) else "pictures"
+                _show_score(f"{name} against {args.truth}", found.mean, counted)
+                each = _list_views(found.views) if isinstance(found, Measured) else _list_pictures(found.pictures)
+                scores, found_notes = _describe_accuracy(found.mean) | {counted: each}, found.notes
+            notes += [note for note in found_notes if note not in notes]
         except ValueError as error:
             raise InvalidOption(str(error)) from error
         entries.append({"result": name, "truth": args.truth} | scores)
@@ -139,7 +146,8 @@ def _evaluate_results(args: argparse.Namespace, options: Options, *, has_layout:
 
 
 def _show_score(what: str, score: Accuracy, counted: str) -> None:
-    over = f" over {score.pictures} {counted}" if score.pictures > 1 or counted != "views" else ""
+    counted = counted if score.pictures != 1 else counted.removesuffix("s")
+    over = f" over {score.pictures} {counted}" if score.pictures > 1 or counted != "view" else ""
     common.print_line(f"{what}: PSNR {score.psnr:.2f} dB, SSIM {score.ssim:.4f} on Y{over}")
 
 
@@ -153,6 +161,10 @@ def _describe_accuracy(score: Accuracy) -> dict[str, Any]:
 
 def _list_views(scores: Mapping[View, tuple[float, float]]) -> list[dict[str, Any]]:
     return [{"v": v, "u": u, "psnr": _finite(psnr), "ssim": ssim} for (v, u), (psnr, ssim) in scores.items()]
+
+
+def _list_pictures(scores: Mapping[str, tuple[float, float]]) -> list[dict[str, Any]]:
+    return [{"file": file, "psnr": _finite(psnr), "ssim": ssim} for file, (psnr, ssim) in scores.items()]
 
 
 def _finite(value: float) -> float | None:

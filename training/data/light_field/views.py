@@ -54,12 +54,18 @@ def convert_views(
 
 
 def read_light_field(
-    path: Path, *, grid: tuple[int, int] | None = None, layout: Layout | None = None, least: int = LEAST
+    path: Path,
+    *,
+    grid: tuple[int, int] | None = None,
+    layout: Layout | None = None,
+    least: int = LEAST,
+    takes_one: bool = False,
 ) -> LightField:
     """Reads the middle `grid` = (V, U) views of a light field, by default all: grey or RGB, without opaque alpha.
 
     `path`: a folder or a zip of views, or any other light field that `ciir.open` reads. `layout`: how it is arranged in
-    its file, if the caller knows. `least`: the smallest side of a view, in pixels.
+    its file, if the caller knows. `least`: the smallest side of a view, in pixels. `takes_one`: whether a single view
+    is read, too.
 
     Raises `ValueError` if there is no full grid of views of one size, it is smaller than `grid`, or the views are
     smaller than `least` or see-through.
@@ -77,7 +83,7 @@ def read_light_field(
                 f"{problem}; name them view_VV_UU.png by row and column, or remove the pictures that are not views"
             )
         raise ValueError(f"{path}: {message}") from error
-    if not isinstance(field, LightField) or field.views.shape[:2] == (1, 1):
+    if not isinstance(field, LightField) or (field.views.shape[:2] == (1, 1) and not takes_one):
         raise ValueError(f"{path}: not a set of views; name a folder of pictures, one for each view, or a container")
     views = drop_alpha(field, path).views
     down, across = grid or views.shape[:2]

@@ -165,7 +165,8 @@ def test_evaluate_results_against_their_truth(tmp_path, capsys):
     truth.save(tmp_path / "truth.npz")
     ciir.LightField(views, is_ordered=True, depth_sense="cameras").save(tmp_path / "result.zip")
     given = ["evaluate", "--truth", str(tmp_path / "truth.npz"), str(tmp_path / "result.zip")]
-    assert main([*given, "--json", str(tmp_path / "s.json")]) == 0
+    to_json = ["--json", str(tmp_path / "s.json")]
+    assert main([*given, *to_json]) == 0
     assert "result.zip against" in capsys.readouterr().out
     (score,) = json.loads((tmp_path / "s.json").read_text())["scores"]
     assert score["count"] == 25
@@ -174,7 +175,28 @@ def test_evaluate_results_against_their_truth(tmp_path, capsys):
     np.save(tmp_path / "found.npy", np.full((8, 9), 0.1, np.float32))
     assert main(["evaluate", "--truth", str(tmp_path / "true.npy"), str(tmp_path / "found.npy")]) == 0
     assert "BadPix(0.07) 100.00 %, MSE x100 1.000 over 72 pixels" in capsys.readouterr().out
+    np.save(tmp_path / "true_confidence.npy", np.eye(8, 9, dtype=np.float32))
+    assert main(["evaluate", *given[1:2], str(tmp_path / "true.npy"), str(tmp_path / "found.npy"), *to_json]) == 0
+    assert "8 of 72 pixels of true.npy count" in capsys.readouterr().err
+    found = json.loads((tmp_path / "s.json").read_text())
+    assert (found["scores"][0]["count"], len(found["notes"])) == (8, 1)
     assert "give results" in fails(capsys, "evaluate", "--truth", tmp_path)
     assert "--grid: this goes with a MODEL" in fails(capsys, *given, "--grid", "3x3")
     assert "--degradation: this goes with a MODEL" in fails(capsys, *given, "--degradation", "box")
     assert "no such folder or file" in fails(capsys, *given[:-1], tmp_path / "gone")
+
+
+def test_evaluate_folders_by_the_names_of_their_pictures(tmp_path, capsys):
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
+    for folder, names in (("hr", ("a.png", "b.png")), ("up", ("b.png",))):
+        (tmp_path / folder).mkdir()
+        for name in names:
+            (tmp_path / folder / name).write_bytes(encode(make_picture(20, 20), ".png"))
+    given = ["evaluate", "--truth", str(tmp_path / "hr"), str(tmp_path / "up"), "--json", str(tmp_path / "s.json")]
+    assert main(given) == 0
+    printed = capsys.readouterr()
+    assert printed.out.endswith("PSNR inf dB, SSIM 1.0000 on Y over 1 picture\n")
+    assert "1 of 2 pictures of hr are compared" in printed.err
+    found = json.loads((tmp_path / "s.json").read_text())
+    assert found["scores"][0]["pictures"] == [{"file": "b.png", "psnr": None, "ssim": 1}]
+    assert printed.err == f"ciir: note: {found['notes'][0]}\n"

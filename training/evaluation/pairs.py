@@ -1,0 +1,93 @@
+"""Scores of views, or of pictures, against true ones of the same number and size."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ciir.bit_depth import BITS, count_unused_camera_bits, limit_levels
+from ciir.training.data.light_field.views import convert_views
+from ciir.training.evaluation.metrics import SSIM_RADIUS, compute_psnr, compute_ssim, convert_to_luma
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from ciir.renderer.views import View
+
+
+def check_sizes(result: str, made: NDArray[Any], truth: str, wanted: NDArray[Any], *, border: int) -> None:
+    """Checks that the views of `made` and `wanted`, `(V, U, H, W, C)`, can be compared inside `border` pixels.
+
+    Raises `ValueError`, with the names `result` and `truth`, if they differ in number, size or channels, or are too
+    small for SSIM.
+    """
+    if made.shape != wanted.shape:
+        raise ValueError(
+            f"{result}: {_describe(made)}, but {truth} has {_describe(wanted)}; give views of the same number and size"
+        )
+    if min(wanted.shape[2:4]) - 2 * border <= 2 * SSIM_RADIUS:
+        raise ValueError(f"{truth}: {_describe(wanted)}; SSIM needs more than {2 * (SSIM_RADIUS + border)} each way")
+
+
+def score_views(made: NDArray[np.uint8], wanted: NDArray[np.uint8], *, border: int) -> dict[View, tuple[float, float]]:
+    """Returns Y-PSNR (dB) and SSIM of each view, without a border of `border` pixels: (v, u) -> both."""
+    scores = {}
+    for v, u in np.ndindex(made.shape[:2]):
+        got, best = convert_to_luma(made[v, u]), convert_to_luma(wanted[v, u])
+        scores[v, u] = compute_psnr(got, best, border=border), compute_ssim(got, best, border=border)
+    return scores
+
+
+def round_to_8_bits(views: NDArray[Any], unused: int) -> NDArray[np.uint8]:
+    """Returns views `(V, U, H, W, C)`, grey or RGB, with 8 bits. The white level of those of 16 bits is the largest one
+    of `16 - unused` bits; higher levels become white.
+    """
+    if views.dtype == np.uint16 and unused:
+        views = limit_levels(views.copy(), unused)
+    return convert_views(views, keeps_grey=True, unused=unused)
+
+
+class White:
+    """The white level of 16-bit results: that of their truth, whatever levels they have themselves.
+
+    It is the largest level of the bits that a camera of such pictures has (`ciir.bit_depth.count_unused_camera_bits`).
+    """
+
+    def __init__(self, wanted: Iterable[NDArray[Any]]) -> None:
+        """Takes all views or pictures of the truth, of 8 or 16 bits."""
+        counts = [count_unused_camera_bits(views) for views in wanted if views.dtype == np.uint16]
+        self.unused = min(counts, default=0)
+        """How many bits of 16 the truth doesn't use."""
+        self._over = 0
+        self._dark: list[int] = []
+
+    def convert(self, made: NDArray[Any], wanted: NDArray[Any]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+        """Returns both with 8 bits, as `round_to_8_bits` does, and keeps what `describe` says about it."""
+        if made.dtype == np.uint16:
+            self._over += int((made > self._level).sum())
+            if wanted.dtype == np.uint8 and not self.unused:
+                self._dark.append(count_unused_camera_bits(made))
+        return round_to_8_bits(made, self.unused), round_to_8_bits(wanted, self.unused)
+
+    def describe(self, result: str, truth: str) -> tuple[str, ...]:
+        """Returns a note if white isn't the largest level of 16 bits, or the result may need another one."""
+        over = f"; samples of {result} above it, which count as white: {self._over:,}" if self._over else ""
+        if self.unused:
+            return (f"white is level {self._level:,}, because {truth} uses {BITS - self.unused} of 16 bits{over}",)
+        if dark := min(self._dark, default=0):
+            used = f"{result} uses {BITS - dark} of 16 bits, but {truth} has 8 bits"
+            return (f"{used}, so white is level {self._level:,}; scale its levels up if it is too dark",)
+        return ()
+
+    @property
+    def _level(self) -> int:
+        return int(2 ** (BITS - self.unused)) - 1
+
+
+def _describe(views: NDArray[Any]) -> str:
+    rows, cols, height, width, channels = views.shape
+    of_what = f"{rows}x{cols} views of " if (rows, cols) != (1, 1) else ""
+    return f"{of_what}{height}x{width} pixels, {'grey' if channels == 1 else f'{channels} channels'}"
