@@ -101,7 +101,7 @@ def find_grids(
         grids = [_make_grid(names, *_select_pair(names, full, wish))]
     else:
         numbers = names.values(_select_running(names, pairs, wish))
-        grids = _fill([file for _, file in sorted(zip(numbers, names.files, strict=True))], wish)
+        grids = _fill([file for _, file in sorted(zip(numbers, names.files, strict=True))], wish, others)
     return [replace(grid, left_out=others) for grid in grids]
 
 
@@ -239,7 +239,7 @@ def _select_running(names: NumberedNames, pairs: Sequence[tuple[int, int]], wish
     return slot
 
 
-def _fill(files: Sequence[str], wish: _Wish) -> list[Grid]:
+def _fill(files: Sequence[str], wish: _Wish, left_out: Sequence[str] = ()) -> list[Grid]:
     """Returns the grids of `wish.shape`, or else of a square, or of any size, that `files` fill one after another."""
     count, shape = len(files), wish.shape
     side = math.isqrt(count)
@@ -256,7 +256,7 @@ def _fill(files: Sequence[str], wish: _Wish) -> list[Grid]:
         shapes = [(rows, count // rows) for rows in range(3, count // 3 + 1) if count % rows == 0]
         shapes.sort(key=lambda shape: abs(shape[0] - shape[1]))
     if not shapes:
-        raise InvalidOption(describe_unknown_shape(wish.name, count))
+        raise InvalidOption(describe_unknown_shape(wish.name, count, left_out))
     by_column = wish.first == "column"
     whole = [_wrap(files, *counts, by_column=by_column) for counts in dict.fromkeys(shapes)]
     return [*whole, *(_list_incomplete_squares(files, by_column=by_column) if len(whole) > 1 else [])]
@@ -275,11 +275,12 @@ def _list_incomplete_squares(files: Sequence[str], *, by_column: bool) -> list[G
     ]
 
 
-def describe_unknown_shape(name: str, count: int) -> str:
-    """Returns the message for `count` pictures that may fill several grids."""
+def describe_unknown_shape(name: str, count: int, left_out: Sequence[str]) -> str:
+    """Returns the message for `count` pictures that may fill several grids, besides those `left_out`."""
+    others = f" ({len(left_out)} with other names not counted, such as {clean_text(left_out[0])})" if left_out else ""
     return (
-        f"{name}: {count} pictures without rows and columns in their names, and not a square number; give pixels "
-        "ROWSxCOLUMNS (of views), or name them view_VV_UU.png"
+        f"{name}: {count} pictures without rows and columns in their names{others}, and not a square number; give "
+        "pixels ROWSxCOLUMNS (of views), or name them view_VV_UU.png"
     )
 
 

@@ -46,6 +46,8 @@ SIDE_FILES = frozenset({
 })  # fmt: skip
 """Suffixes of files among the views that are ignored: notes, calibration, depth, reports."""
 OWN_NAME = re.compile(r"view_\d+_\d+\.png")
+OWN_PLANE = re.compile(r"plane_\d{3,4}_[dz][-+.\de]+(mm)?\.png")
+"""Names of the depth planes of a stack that we wrote."""
 _FIRST: dict[str, Literal["row", "column"]] = {"rows": "row", "columns": "column"}
 MAX_REPORT = 2**24
 """The most bytes of a report that is read."""
@@ -69,12 +71,16 @@ def read(
     `views`: those that will be asked for. Only what the order needs is decoded here.
 
     Raises `InvalidOption` if the grid of views is not full or `layout` doesn't fit the names, `UnsupportedType` for a
-    file that is not a picture, `Unreadable` if pictures are missing, corrupt or differ in size, channels or depth, and
-    `TooLarge` over `limits`.
+    file that is not a picture and for depth planes that we wrote, `Unreadable` if pictures are missing, corrupt or
+    differ in size, channels or depth, and `TooLarge` over `limits`.
     """
     names = _picture_names(files, name)
     if len(names) > limits.views:
         raise TooLarge(f"{name}: {len(names):,} pictures; at most {limits.views:,} views are read; give fewer", "views")
+    if all(OWN_PLANE.fullmatch(PurePosixPath(file).name) for file in names):
+        raise UnsupportedType(
+            f"{name}: holds depth planes that ciir made, not views; give the light field that they were made from"
+        )
     grids = find_grids(names, name, shape=layout.pixels, first=_FIRST.get(layout.order))
     check_sizes(files, [file for row in grids[0].files for file in row], name)
     own = _read_own_depth_sense(files, names)
@@ -135,7 +141,7 @@ def _select_by_pictures(
     if not certain:
         if has_shape:
             return grids[0], found[0]
-        raise InvalidOption(describe_unknown_shape(name, sum(map(len, grids[0].files))))
+        raise InvalidOption(describe_unknown_shape(name, sum(map(len, grids[0].files)), grids[0].left_out))
     best = max(certain, key=lambda number: estimates[number].votes)
     if grids[best].missing:
         side, missing = max(grids[best].shape), grids[best].missing

@@ -116,6 +116,12 @@ def test_a_single_number_fills_a_square_row_by_row(first):
     assert grid.files == (tuple(files[::3]), tuple(files[1::3]), tuple(files[2::3]))
 
 
+def test_pictures_with_other_names_are_counted_apart():
+    files = [f"plane_{number}_d-{number}.25.png" for number in range(8)]
+    said = message([*files, "plane_8_d+0.25.png"])
+    assert "set: 8 pictures without rows and columns in their names (1 with other names not counted, such as pl" in said
+
+
 @pytest.mark.parametrize("first", [None, "column"])
 def test_a_square_that_lacks_a_few_views_is_suspected(first):
     files = [f"input_Cam{number:03}.png" for number in range(23)]  # a prime number: one row, or two less than 25

@@ -91,6 +91,13 @@ def test_a_picture_with_another_name_is_left_out_with_a_note() -> None:
     assert naming.startswith("views: 2x2")
 
 
+@pytest.mark.parametrize("form", ["d{:+.3f}", "z{:.6g}", "z{:.6g}mm"])
+def test_depth_planes_are_no_views(form):
+    files = {f"planes/plane_{n:03d}_{form.format(z)}.png": picture(0, n) for n, z in enumerate((-1, 0, 0.125, 1e7))}
+    said = message(files | {"planes/report.json": b"{}"}, UnsupportedType)
+    assert said == "set: holds depth planes that ciir made, not views; give the light field that they were made from"
+
+
 def test_the_depth_sense_of_our_own_views_is_in_their_report() -> None:
     files = {f"out/view_{v:02}_{u:02}.png": picture(v, u) for v in range(2) for u in range(2)}
     assert read(files).depth_sense == "cameras"
