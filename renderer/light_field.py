@@ -15,12 +15,13 @@ from ciir.renderer.levels import advise_levels, round_levels
 from ciir.renderer.views import advise_axes, center_view, check_depth_sense, flip_axes, is_turned, read_index
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
     from os import PathLike
 
     from numpy.typing import NDArray
 
     from ciir.renderer.focus.apertures import Shape
+    from ciir.renderer.focus.depth_scale import DepthScale
     from ciir.renderer.focus.disparity import DisparityMap
     from ciir.renderer.focus.model import Model
     from ciir.renderer.focus.occluders import Occluders
@@ -202,7 +203,8 @@ class LightField:
         aperture: float | NDArray[Any] | None = None,
         shape: Shape = "disc",
         occluders: Occluders = "keep",
-    ) -> NDArray[np.uint8] | NDArray[np.uint16]:
+        rounded: bool = True,
+    ) -> NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]:
         """Returns the depth plane of `disparity`, `(H, W, C)`: content with it is sharp, as the middle of the grid sees
         it.
 
@@ -221,25 +223,29 @@ class LightField:
                 f"disparity: {str(disparity)[:40]!r} is not a number; give pixels per view, such as 0.5"
             )
         disparities = [float(disparity)]
-        (plane,) = self.planes(disparities, method=method, aperture=aperture, shape=shape, occluders=occluders)
+        (plane,) = self.planes(
+            disparities, method=method, aperture=aperture, shape=shape, occluders=occluders, rounded=rounded
+        )
         return plane
 
     def planes(
         self,
-        disparities: Sequence[float] | NDArray[np.float64],
+        disparities: Iterable[float] | NDArray[np.floating],
         *,
         method: Method = "mapping",
         aperture: float | NDArray[Any] | None = None,
         shape: Shape = "disc",
         occluders: Occluders = "keep",
-    ) -> Iterator[NDArray[np.uint8] | NDArray[np.uint16]]:
+        rounded: bool = True,
+    ) -> Iterator[NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]]:
         """Yields the depth plane of each of `disparities`, `(H, W, C)`, one after the other.
 
-        `method`: `mapping`, `window` or `delta`, of `ciir.renderer.focus.planes`, which also makes planes of floats.
-        `aperture`: the radius, in views around the middle, of the views that count, by default all, or a weight for
-        each view, `(V, U)`. `shape`: `disc`, `square` or `gauss`, of `ciir.renderer.focus.apertures`. `occluders`: with
-        `remove`, what stands in front of a plane is removed (`ciir.renderer.focus.occluders`), with the method
-        `mapping`.
+        `disparities`: a list, an array or anything else that gives numbers one by one. `method`: `mapping`, `window` or
+        `delta`, of `ciir.renderer.focus.planes`. `aperture`: the radius, in views around the middle, of the views that
+        count, by default all, or a weight for each view, `(V, U)`. `shape`: `disc`, `square` or `gauss`, of
+        `ciir.renderer.focus.apertures`. `occluders`: with `remove`, what stands in front of a plane is removed
+        (`ciir.renderer.focus.occluders`), with the method `mapping`. `rounded`: False gives float32 in the units of the
+        views, not rounded to them.
 
         Raises `InvalidOption` for disparities that are not finite or over the longer side of a view; for an unknown
         method, shape or value of `occluders`; for `occluders` that don't go with the method; and for an aperture
@@ -247,12 +253,13 @@ class LightField:
         """
         from ciir.renderer.focus.apertures import read_aperture
         from ciir.renderer.focus.occluders import make_planes
-        from ciir.renderer.focus.planes import check_overlap
+        from ciir.renderer.focus.planes import check_overlap, read_disparities
 
+        numbers = read_disparities(disparities)
         weights = read_aperture(aperture, self.views.shape[:2], shape)
-        planes = make_planes(self.views, disparities, weights, method, occluders)
-        check_overlap(disparities, max(self.views.shape[2:4]))
-        return (round_levels(plane, self.views.dtype) for plane in planes)
+        planes = make_planes(self.views, numbers, weights, method, occluders)
+        check_overlap(numbers, max(self.views.shape[2:4]))
+        return (round_levels(plane, self.views.dtype) for plane in planes) if rounded else planes
 
     def all_in_focus(
         self,
@@ -304,19 +311,27 @@ class LightField:
 
         return estimate_disparities(self, views, limits=limits)
 
-    def model(self, *, pitch: float | None = None, delta: float | None = None, keeps_background: bool = False) -> Model:
+    def model(
+        self,
+        *,
+        pitch: float | None = None,
+        delta: float | None = None,
+        cameras: DepthScale | None = None,
+        keeps_background: bool = False,
+    ) -> Model:
         """Returns the content of the views as coloured triangles, in lens array coordinates; `save` writes GLB and
         PLY.
 
-        `pitch`, `delta`: those of the lens array, if known. Black or transparent pixels that are joined to the border
-        of a view are left out, unless `keeps_background`. `ciir.renderer.focus.model` describes the method and the
-        units.
+        `pitch`, `delta`: those of the lens array, if known. `cameras`: for a camera array, `DepthScale.of_cameras`,
+        with which depths and widths are true; without it z is in proportion to disparity, with a note. Black or
+        transparent pixels that are joined to the border of a view are left out, unless `keeps_background`.
+        `ciir.renderer.focus.model` describes the method and the units.
 
         Raises `InvalidOption` as `ciir.renderer.focus.model.make_model` does.
         """
         from ciir.renderer.focus.model import make_model
 
-        return make_model(self, pitch=pitch, delta=delta, keeps_background=keeps_background)
+        return make_model(self, pitch=pitch, delta=delta, cameras=cameras, keeps_background=keeps_background)
 
     def with_depth_sense(self, sense: DepthSense) -> LightField:
         """Returns the same light field with that depth sense, with views reversed in v and in u if it has the other

@@ -28,6 +28,8 @@ class DepthScale:
     factor: float
     is_inverse: bool
     offset: float = 0.0
+    tangent: float | None = None
+    """Cameras: tangent of the angle between the middle of a picture and the next pixel; None if it is unknown."""
 
     @classmethod
     def of_lenses(cls, array: LensArray, sense: DepthSense = "lenses") -> DepthScale:
@@ -66,7 +68,7 @@ class DepthScale:
             if not isinstance(number, Real) or not number > 0 or (name != "zero" and not np.isfinite(float(number))):
                 raise InvalidOption(f"{name}: {number!r} is out of range; give a positive number")
         factor = columns * focal_length / sensor_width * pitch * (1 if sense == "cameras" else -1)
-        return cls(factor, is_inverse=True, offset=-factor / zero)
+        return cls(factor, is_inverse=True, offset=-factor / zero, tangent=sensor_width / (columns * focal_length))
 
     def to_disparity(self, depth: ArrayLike) -> NDArray[np.float64]:
         """Returns the disparity at `depth`, of any shape."""
@@ -75,7 +77,11 @@ class DepthScale:
             return self.factor * (1 / depth if self.is_inverse else depth) + self.offset
 
     def to_depth(self, disparity: ArrayLike) -> NDArray[np.float64]:
-        """Returns the depth of `disparity`, of any shape; infinite, or negative, if cameras see nothing with it."""
+        """Returns the depth of `disparity`, of any shape; infinite, or negative, if cameras see nothing with it.
+
+        `disparity`: in the depth sense of this scale. Files, and `DisparityMap.hci`, have that of `cameras`, also for a
+        lens array: negate them for a scale with `sense="lenses"`, or depths behind the lenses become negative.
+        """
         scaled = (np.asarray(disparity, np.float64) - self.offset) / self.factor
         with np.errstate(divide="ignore"):
             return 1 / scaled if self.is_inverse else scaled

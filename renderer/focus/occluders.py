@@ -19,7 +19,7 @@ from ciir.bit_depth import count_unused_bits
 from ciir.cores import count_available_cores
 from ciir.errors import InvalidOption
 from ciir.renderer.focus.kernels import REACH, make_sinc_taps
-from ciir.renderer.focus.planes import check_disparities, refocus
+from ciir.renderer.focus.planes import read_disparities, refocus
 from ciir.renderer.focus.stereo.noise import DIFFERENCE, estimate_noise
 from ciir.renderer.views import center_view
 
@@ -57,8 +57,7 @@ def make_planes(
         return refocus(views, disparities, method=method, weights=weights)
     if method != "mapping":
         raise InvalidOption(f"occluders: they are not removed with the method {method}; give mapping")
-    check_disparities(disparities)
-    return (_make_plane(views, float(disparity), weights) for disparity in disparities)
+    return (_make_plane(views, float(disparity), weights) for disparity in read_disparities(disparities))
 
 
 def _make_plane(views: NDArray[Any], disparity: float, weights: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -42,7 +42,7 @@ from ciir.renderer.focus.apertures import check_weights
 from ciir.renderer.focus.kernels import REACH, make_sinc_taps
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -81,9 +81,8 @@ def refocus(
     """
     if method not in get_args(Method):
         raise InvalidOption(f"method: {method!r} is not known; give {', '.join(get_args(Method))}")
-    check_disparities(disparities)
+    numbers = read_disparities(disparities)
     weights = check_weights(weights, views.shape[:2])
-    numbers = np.asarray(disparities, np.float64)
     if views.shape[4] in (2, 4) and (views[..., -1] != views[..., -1].max()).any():
         return map(_divide_by_alpha, _make_planes(_multiply_by_alpha(views), numbers, weights, method))
     return _make_planes(views, numbers, weights, method)
@@ -103,11 +102,18 @@ def _divide_by_alpha(plane: NDArray[np.float32]) -> NDArray[np.float32]:
     return plane
 
 
-def check_disparities(disparities: Numbers) -> None:
-    """Raises `InvalidOption` for anything but a row of finite numbers."""
-    numbers = np.asarray(disparities)
+def read_disparities(disparities: Iterable[float] | NDArray[np.floating]) -> NDArray[np.float64]:
+    """Returns a list, an array, a tensor or anything else that gives finite numbers one by one, as `(n,)`.
+
+    Raises `InvalidOption` for anything else.
+    """
+    try:
+        numbers = np.asarray(disparities if hasattr(disparities, "__array__") else list(disparities))
+    except (TypeError, ValueError):  # no iterable, or one of rows of unequal lengths
+        numbers = np.empty((), object)
     if numbers.ndim != 1 or numbers.dtype.kind not in "iuf" or not np.isfinite(numbers).all():
         raise InvalidOption("disparities: give finite numbers, in pixels per view, such as [-0.5, 0.25]")
+    return numbers.astype(np.float64)
 
 
 def check_overlap(disparities: Numbers, side: int) -> None:

@@ -150,7 +150,7 @@ def _find_disparity(source: Source, options: Options, output: Output) -> tuple[s
         model, report = build_model(
             source, options, max_pixels=output.max_pixels, progress=output.progress, clock=output.clock
         )
-        output.file.write(encode_model(model, MODELS[name].suffix))
+        output.file.write(encode_model(model, MODELS[name].suffix, points=options.points == "yes"))
         return name, report
     from ciir.service.pipeline.focus.disparities import find_disparity
 

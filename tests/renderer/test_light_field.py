@@ -129,6 +129,30 @@ def test_disparities_without_overlap_are_refused(disparity, occluders):
     assert list(field.planes([])) == []
 
 
+@pytest.mark.parametrize("occluders", ["keep", "remove"])
+def test_disparities_are_any_numbers(occluders):
+    field = LightField(np.random.default_rng(0).integers(0, 256, (3, 3, 8, 8, 1), np.uint8))
+
+    class Tensor:
+        def __array__(self, dtype=None, copy=None):
+            return np.array([0, 0.5], np.float32)
+
+    expected = list(field.planes([0, 0.5], occluders=occluders))
+    for disparities in ((each / 2 for each in range(2)), Tensor(), {0: "a", 0.5: "b"}, np.array([0, 0.5])):
+        np.testing.assert_array_equal(list(field.planes(disparities, occluders=occluders)), expected)
+    for wrong in (0.5, None, "0.5", [[0.5], [0, 0.5]], [0.5j], [float("nan")]):
+        with pytest.raises(InvalidOption, match=r"disparities: give finite numbers, in pixels per view, such as \["):
+            field.planes(wrong, occluders=occluders)
+
+
+def test_planes_that_are_not_rounded():
+    field = LightField(np.random.default_rng(0).integers(0, 256, (3, 3, 8, 8, 1), np.uint8))
+    exact = field.refocus(0.5, rounded=False)
+    assert exact.dtype == np.float32
+    assert (exact % 1 != 0).any()
+    np.testing.assert_array_equal(np.rint(exact).clip(0, 255), field.refocus(0.5))
+
+
 @pytest.mark.parametrize("sense", ["lenses", "cameras"])
 def test_flipping_reverses_views_and_in_u_the_depth_sense(sense):
     views = np.arange(2 * 3 * 4 * 5, dtype=np.uint8).reshape(2, 3, 4, 5, 1)

@@ -3,7 +3,8 @@
 The views of a lens array are parallel projections: a pixel and its disparity m give a point at the distance
 `m * pitch / delta` from the array, on the pixel's ray. The centre view gives most of the surface, and the views in the
 corners of the grid add what only they see. Where the views show a background, no surface may hide it (`hull`). The
-colours are those with which the model is nearest to all views (`colors`).
+colours are those with which the model is nearest to all views (`colors`). For a camera array of known geometry the
+model is then placed in front of the cameras (`cameras`).
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from scipy import ndimage
 from ciir.bit_depth import count_unused_bits, raise_levels
 from ciir.errors import InvalidOption
 from ciir.renderer.focus.disparity import check_views, estimate_disparity, note_reach
+from ciir.renderer.focus.model.cameras import check_cameras, place_before_cameras
 from ciir.renderer.focus.model.colors import fit_colors
 from ciir.renderer.focus.model.hull import explains_views, find_share, find_shown, lies_in_hull
 from ciir.renderer.focus.model.patch import make_patch
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from ciir.renderer.focus.depth_scale import DepthScale
     from ciir.renderer.light_field import LightField
     from ciir.renderer.views import View
 
@@ -41,6 +44,11 @@ LEAST_BACKGROUND = 0.05
 FARTHER = 0.5
 """How much farther content that the centre view does not see may lie, as a share of that view's range of
 disparities."""
+DISPARITY_SCALE = (
+    "z is in proportion to disparity, for a camera array to 1 / distance, not to distance; for true depths and widths "
+    "give camera_pitch, focal_length and sensor (in Python cameras=)"
+)
+"""Note about the model of a camera array of unknown geometry."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +56,14 @@ class Model:
     """Triangles, or points alone, whose colours include the light of the scene: they are not to be lit again."""
 
     vertices: NDArray[np.float64]
-    """`(n, 3)`, in the coordinates of the lens array (`renderer.lens_array`)."""
+    """`(n, 3)`, in the coordinates of the lens array (`renderer.lens_array`), or of the cameras, if they are known."""
     colors: NDArray[np.uint8]
     """`(n, 3)`, display-referred."""
     faces: NDArray[np.int32]
     """`(m, 3)`, counter-clockwise as seen from the array."""
     array: LensArray
-    """Lens array whose views the light field holds; its elemental image array shows the model as it was captured."""
+    """Lens array whose views the light field holds; its elemental image array shows the model as it was captured,
+    except in the coordinates of cameras."""
     notes: tuple[str, ...] = ()
 
     def scene(self) -> Scene:
@@ -77,23 +86,50 @@ class Model:
 
 
 def make_model(
-    light_field: LightField, *, pitch: float | None = None, delta: float | None = None, keeps_background: bool = False
+    light_field: LightField,
+    *,
+    pitch: float | None = None,
+    delta: float | None = None,
+    cameras: DepthScale | None = None,
+    keeps_background: bool = False,
 ) -> Model:
     """Makes a model of what `light_field` shows: about four triangles per pixel, and sixteen if views show background.
 
     `pitch`: the distance between lenses, by default 1, so that lengths are in pixels of a view. `delta`: the tangent
     from one view to the next, by default that of `renderer.lens_array`, with a note. A wrong one stretches the model
-    along z, and changes no view that is rendered with the same one. Views of a camera array are taken as those of the
-    lens array that shows the same: content without disparity lies in its plane, nearer content in front of it. Along z
-    the model is then to scale in disparities, not in distances.
+    along z, and changes no view that is rendered with the same one.
+
+    `cameras`: for a camera array, `DepthScale.of_cameras`. The model is then to scale, in the unit of its distances:
+    the origin is the middle of the cameras, which look along -z. Without it their views are taken as those of the lens
+    array that shows the same: content without disparity lies in its plane, nearer content in front of it, and z is in
+    proportion to disparity, not to distance, with a note.
 
     Surfaces are cut where the disparity jumps so far from one pixel to the next that the farther half of the views on
     one side would not see what lies between. Without `keeps_background`, pixels that are black or transparent and
     joined to the picture's border by others are not surface, if they are over `LEAST_BACKGROUND` of all pixels. Colours
     of 16-bit views that use fewer bits are as bright as if they used all.
 
-    Raises `InvalidOption` for a single view and if there is nothing but background.
+    Raises `InvalidOption` for a single view, if there is nothing but background, for `cameras` that don't fit the
+    disparities, and for `cameras` together with `pitch` or `delta`.
     """
+    if cameras is not None:
+        check_cameras(cameras)
+        if pitch is not None or delta is not None:
+            raise InvalidOption("cameras: pitch and delta are those of a lens array; leave them out, or cameras")
+    model = _make_before_lenses(light_field, pitch, delta, keeps_background=keeps_background)
+    note = f"delta: unknown and assumed to be {model.array.delta:.4g}; it sets the model's length along z"
+    is_known = cameras is not None or (delta and light_field.depth_sense == "lenses")
+    if cameras is not None:
+        model = place_before_cameras(model, cameras, light_field.depth_sense, light_field.pixel_aspect)
+    elif light_field.depth_sense == "cameras":
+        note = DISPARITY_SCALE
+    return replace(_drop_unused(model), notes=(*light_field.notes, *model.notes, *[note] * (not is_known)))
+
+
+def _make_before_lenses(
+    light_field: LightField, pitch: float | None, delta: float | None, *, keeps_background: bool
+) -> Model:
+    """Makes the model in the coordinates of a lens array."""
     from trimesh.remesh import subdivide
 
     from ciir.renderer.backends import open_backend
@@ -150,10 +186,7 @@ def make_model(
             "give views of a scene, or in Python keeps_background"
         )
     colors = np.broadcast_to(fit_colors(model.scene(), field, array) + np.float32(0.5), model.colors.shape)
-    model = replace(model, colors=colors.astype(np.uint8))
-    if not delta:
-        notes = (*notes, f"delta: unknown and assumed to be {array.delta:.4g}; it sets the model's length along z")
-    return replace(_drop_unused(model), notes=(*light_field.notes, *notes))
+    return replace(model, colors=colors.astype(np.uint8), notes=notes)
 
 
 def _prepare_views(light_field: LightField) -> LightField:

@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.run import Progress
     from ciir.service.pipeline.source import Source
 
+OUTSIDE = 1
+"""Per cent of an estimated map's confident pixels below the range, and above it: a few pixels are wrong by a lot."""
+
 
 def find_disparity(
     source: Source,
@@ -58,6 +61,9 @@ def find_disparity(
     progress(grid + 1, grid + 1)
     notes = captured.report["notes"]
     notes += found.notes
+    unused = [name for name in ("pitch", "delta", "parallax") if getattr(options, name) is not None]
+    if unused:
+        notes += [f"{', '.join(unused)}: a disparity map is in pixels and doesn't use it; a model (glb, ply) does"]
     if scale > 1:
         notes += [f"disparities are in pixels of the upscaled views, {scale} for each pixel read along each side"]
     return found, _complete(captured.report, found, _find_texture(found, light_field), options, clock, is_exact=False)
@@ -115,17 +121,19 @@ def _render(source: Source, options: Options, clock: Clock) -> tuple[DisparityMa
     return found, _complete(report, found, is_seen, options, clock, is_exact=True)
 
 
-def _find_range(found: DisparityMap, counts: NDArray[np.bool_]) -> Report | None:
-    """Returns the least and the largest disparity where `counts` is true and the confidence is high enough.
+def _find_range(found: DisparityMap, counts: NDArray[np.bool_], *, is_exact: bool) -> Report | None:
+    """Returns the range of disparities where `counts` is true and the confidence is high enough.
 
-    That is at least `SURE`, or the median confidence where `counts` is true if that is lower, as for noisy views.
+    It goes from percentile `OUTSIDE` to 100 - `OUTSIDE`, or from the least to the largest if the map is exact. The
+    confidence is at least `SURE`, or the median confidence where `counts` is true if that is lower, as for noisy views.
     Returns None if `counts` is false everywhere.
     """
     if not counts.any():
         return None
     least = min(SURE, float(np.median(found.confidence[counts])))
     shown = found.hci[counts & (found.confidence >= least)]
-    return {"least": float(shown.min()), "largest": float(shown.max()), "confidence": least}
+    low, high = np.percentile(shown, [0, 100] if is_exact else [OUTSIDE, 100 - OUTSIDE])
+    return {"least": float(low), "largest": float(high), "confidence": least}
 
 
 def _complete(
@@ -139,7 +147,7 @@ def _complete(
             "width": width,
             "least": float(found.hci.min()),
             "largest": float(found.hci.max()),
-            "confident": _find_range(found, counts),
+            "confident": _find_range(found, counts, is_exact=is_exact),
             "exact": is_exact,
         },
         "options": options.as_dict(KINDS["disparity"].options),

@@ -21,7 +21,7 @@ from ciir.service.pipeline.source import Input
 if TYPE_CHECKING:
     from ciir.renderer.focus.disparity import DisparityMap
     from ciir.renderer.light_field import LightField
-    from ciir.renderer.views import DepthSense, View
+    from ciir.renderer.views import View
     from ciir.service.pipeline.options import Options
     from ciir.service.pipeline.report import Clock, Report
     from ciir.service.pipeline.run import Progress
@@ -81,7 +81,7 @@ def capture(
             f"{report['input']['name']}: one view shows no depth; give an elemental image array with lenses or pixels, "
             "or two views or more"
         )
-    depths = _find_depths(options, report, light_field.depth_sense)
+    depths = find_depths(options, report)
     sign = 1 if light_field.depth_sense == "cameras" else -1
     return Captured(light_field, report["plan"]["scale"], sign, depths, report, count)
 
@@ -102,13 +102,17 @@ def _select_views(source: Source, options: Options) -> str:
     return ";".join(f"{v},{u}" for v, u in np.argwhere(weights))
 
 
-def _find_depths(options: Options, report: Report, sense: DepthSense) -> DepthScale | None:
-    """Finds how depth relates to disparity. Raises `InvalidOption`."""
-    array = report["lens_array"]
+def find_depths(options: Options, report: Report, scale: int = 1) -> DepthScale | None:
+    """Finds how depth relates to disparity, in pixels of views that were upscaled by `scale`; None if nothing is known.
+
+    Raises `InvalidOption`.
+    """
+    array, sense = report["lens_array"], report["lens_array"]["depth_sense"]
     if options.camera_pitch is None or options.focal_length is None or options.sensor is None:
         if array["pitch"] is None or array["delta"] is None:
             return None
-        lenses = LensArray(*(array[name] for name in ("rows", "cols", "pixels_v", "pixels_u", "pitch", "delta")))
+        scaled = array | {"pitch": array["pitch"] / scale}
+        lenses = LensArray(*(scaled[name] for name in ("rows", "cols", "pixels_v", "pixels_u", "pitch", "delta")))
         return DepthScale.of_lenses(lenses, sense="cameras")
     if array["pitch"] is not None or array["delta"] is not None:
         raise InvalidOption("camera_pitch: this is for camera arrays and the input has a lens array; leave one out")
@@ -118,4 +122,5 @@ def _find_depths(options: Options, report: Report, sense: DepthSense) -> DepthSc
             "with parallel rays; give its pitch and delta, or depth_sense cameras if they are from a camera array"
         )
     zero = math.inf if options.convergence is None else options.convergence
-    return DepthScale.of_cameras(options.camera_pitch, options.focal_length, options.sensor, array["cols"], zero=zero)
+    columns = scale * array["cols"]
+    return DepthScale.of_cameras(options.camera_pitch, options.focal_length, options.sensor, columns, zero=zero)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ciir.errors import InvalidOption
 from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.focus.model import make_model
-from ciir.service.pipeline.focus.light_fields import capture
+from ciir.service.pipeline.focus.light_fields import capture, find_depths
 from ciir.service.pipeline.options import KINDS
 from ciir.service.pipeline.report import Clock
 
@@ -40,8 +40,9 @@ def build_model(
     )
     array = captured.report["lens_array"]
     pitch = None if array["pitch"] is None else array["pitch"] / captured.scale
+    cameras = None if options.camera_pitch is None else find_depths(options, captured.report, captured.scale)
     with clock.stage("focus"):
-        model = make_model(captured.light_field, pitch=pitch, delta=array["delta"])
+        model = make_model(captured.light_field, pitch=pitch, delta=array["delta"], cameras=cameras)
     grid = array["pixels_v"] * array["pixels_u"]
     progress(grid + 1, grid + 1)
     report = captured.report | {

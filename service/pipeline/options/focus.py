@@ -131,6 +131,13 @@ FOCUS = {
         LIMITS,
         "-2:2",
     ),
+    "points": Option(
+        "NAME",
+        "yes: a model (PLY) is written as points, without triangles",
+        make_switch(get_args(Switch)),
+        "yes",
+        "yes",
+    ),
 }
 """Options by name, in the order of the help."""
 
@@ -157,6 +164,7 @@ class FocusOptions:
     view: tuple[int, int] | None = None
     limits: tuple[float, float] | None = None
     """Pixels."""
+    points: Switch = "no"
 
     def count_planes(self) -> int:
         """Returns the number of planes to make. Raises `InvalidOption` unless exactly one of `ASKED` is given."""
@@ -190,7 +198,11 @@ class FocusOptions:
                 "limits: this is for all_in_focus, which looks for disparities; leave it out or give all_in_focus"
             )
         self.check_limits()
-        self._check_cameras()
+        if self.depth is None and self.stack_of != "depths":
+            for name in ("camera_pitch", *CAMERAS):
+                if getattr(self, name) is not None:
+                    raise InvalidOption(f"{name}: this is for depths; give depth, or stack with stack_of depths")
+        self.check_cameras()
 
     def check_limits(self) -> None:
         """Raises `InvalidOption` if `limits` is not a range."""
@@ -198,11 +210,8 @@ class FocusOptions:
             least, largest = self.limits
             raise InvalidOption(f"limits: {least:g}:{largest:g} is not a range; give the smaller disparity first")
 
-    def _check_cameras(self) -> None:
-        if self.depth is None and self.stack_of != "depths":
-            for name in ("camera_pitch", *CAMERAS):
-                if getattr(self, name) is not None:
-                    raise InvalidOption(f"{name}: this is for depths; give depth, or stack with stack_of depths")
+    def check_cameras(self) -> None:
+        """Raises `InvalidOption` if the geometry of a camera array is incomplete."""
         if self.camera_pitch is None:
             for name in CAMERAS:
                 if getattr(self, name) is not None:

@@ -14,7 +14,7 @@ from ciir.renderer.writers.depth import maps
 from ciir.renderer.writers.formats import BINARY, FORMATS, check_options
 from ciir.renderer.writers.stacks import PLANE, STACK, check_rate
 from ciir.service.pipeline.options.displays import DISPLAYS
-from ciir.service.pipeline.options.focus import FOCUS
+from ciir.service.pipeline.options.focus import CAMERAS, FOCUS
 from ciir.service.pipeline.options.lenslet import LENSLET
 from ciir.service.pipeline.options.mesh import MESH
 from ciir.service.pipeline.options.options import OPTIONS, RECONSTRUCTION, Options, describe
@@ -147,6 +147,15 @@ def _check_display(options: Options, name: str | None) -> None:
     find_target(kind, written, max_pixels=_ANY_SIZE)
 
 
+def _check_disparity(options: Options, name: str | None) -> None:
+    if options.points == "yes" and name != "ply":
+        raise InvalidOption("points: only a PLY holds points; leave it out or make a ply")
+    if options.camera_pitch is not None and name not in MODELS:
+        raise InvalidOption(
+            f"camera_pitch: it places a model and changes no disparity; leave it out or make a {' or '.join(MODELS)}"
+        )
+
+
 def find_plane_format(options: Options, name: str | None) -> str:
     """Returns the format for depth planes.
 
@@ -228,7 +237,7 @@ KINDS: dict[KindName, Kind] = {
             "a mesh, an EIA picture, a zip of views, or a light field in one file",
             (
                 "disparity",
-                *(name for name in FOCUS if name != "view"),
+                *(name for name in FOCUS if name not in ("view", "points")),
                 *("model", "scale", "fusion", "fps"),
                 *_INPUT,
             ),
@@ -249,12 +258,18 @@ KINDS: dict[KindName, Kind] = {
             "disparity",
             "Estimate the disparity of a view, or make a model of what the views show",
             "an EIA picture, a zip of views, a light field in one file, or a mesh",
-            ("view", "limits", "model", "scale", "fusion", *_INPUT),
+            ("view", "limits", "camera_pitch", *CAMERAS, "points", "model", "scale", "fusion", *_INPUT),
             (*maps.FORMATS, *MODELS, "zip"),
             "pfm",
-            {**ONE_POSE, "model": MODEL_FIRST},
+            {
+                **ONE_POSE,
+                "model": MODEL_FIRST,
+                "camera_pitch": "for a model of a camera array, with true depths and widths: distance between cameras "
+                "in millimetres",
+            },
             {"model": NO_MODEL},
-            (Options.check_limits,),
+            (Options.check_limits, Options.check_cameras),
+            _check_disparity,
         ),
         Kind(
             "inspection",

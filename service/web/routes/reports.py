@@ -206,7 +206,9 @@ class PlaneReport(ReconstructionReport):
 
 @described
 class DisparityRange(TypedDict):
-    """The range of disparities where there is texture and at least that confidence, or where a mesh is seen."""
+    """The 1st to 99th percentile of disparities where there is texture and at least that confidence, or the range where
+    a mesh is seen.
+    """
 
     least: float
     largest: float

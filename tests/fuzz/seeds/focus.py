@@ -24,5 +24,11 @@ def planes() -> list[bytes]:
 
 
 def disparities() -> list[bytes]:
-    """Maps and a model."""
-    return _make_forms({"view": "0,4", "limits": "-1:1", "format": "png"}, {"format": "glb"}, {"format": "zip"})
+    """Maps, a model, and points before cameras."""
+    cameras = {"camera_pitch": "2", "focal_length": "36", "sensor": "36", "convergence": "90"}
+    return _make_forms(
+        {"view": "0,4", "limits": "-1:1", "format": "png"},
+        {"format": "glb"},
+        {"format": "zip"},
+        {"format": "ply", "points": "yes", **cameras},
+    )

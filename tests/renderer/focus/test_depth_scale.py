@@ -12,6 +12,13 @@ def test_a_lens_array():
     assert scale.to_depth(2) == pytest.approx(40)
 
 
+def test_the_disparity_of_a_file_behind_lenses():
+    """Files have the sense of cameras, whatever was captured."""
+    array = LensArray(10, 10, 5, 5, pitch=2.0, delta=0.1)
+    saved = -DepthScale.of_lenses(array).to_disparity(40)
+    assert DepthScale.of_lenses(array, sense="cameras").to_depth(saved) == pytest.approx(40)
+
+
 def test_saii_5x5():
     """Its program shifts by `640 * 2 * 35 / (36 * depth)` pixels (kotaro-inoue/VCR, VCR_saii.py)."""
     scale = DepthScale.of_cameras(pitch=2, focal_length=35, sensor_width=36, columns=640)

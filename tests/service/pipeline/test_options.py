@@ -37,7 +37,7 @@ def test_parses_every_option():
         "disparity": "-0.5", "depth": "120", "stack": "-1:1.5:16", "stack_of": "depths", "method": "window",
         "all_in_focus": "yes", "occluders": "remove",
         "aperture": "2.5", "aperture_shape": "gauss", "camera_pitch": "2", "focal_length": "35", "sensor": "36",
-        "convergence": "500", "view": " 0, 4", "limits": "-2:2",
+        "convergence": "500", "view": " 0, 4", "limits": "-2:2", "points": "yes",
     }  # fmt: skip
     assert set(texts) == set(NAMES)
     assert Options.parse(texts) == Options(
@@ -55,7 +55,7 @@ def test_parses_every_option():
         depth=120.0, stack=(-1.0, 1.5, 16.0), stack_of="depths", method="window", aperture=2.5,
         all_in_focus="yes", occluders="remove",
         aperture_shape="gauss", camera_pitch=2.0, focal_length=35.0, sensor=36.0, convergence=500.0, view=(0, 4),
-        limits=(-2.0, 2.0),
+        limits=(-2.0, 2.0), points="yes",
     )  # fmt: skip
 
 

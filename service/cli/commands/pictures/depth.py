@@ -11,7 +11,7 @@ from ciir.renderer.writers.depth.maps import CONFIDENCE, FORMATS
 from ciir.service.cli import common, output_path
 from ciir.service.pipeline.focus.disparities import find_disparity
 from ciir.service.pipeline.focus.models import build_model
-from ciir.service.pipeline.options import MODELS
+from ciir.service.pipeline.options import KINDS, MODELS
 
 if TYPE_CHECKING:
     import argparse
@@ -32,9 +32,11 @@ def run(args: argparse.Namespace) -> None:
         listed = ", ".join((*_MAPS, *_MODELS))
         raise InvalidOption(f"{path}: not the name of a disparity map or a model; end it with {listed}")
     name = None if is_model else find_format(path, args.to).name
+    made = path.suffix.lower().removeprefix(".") if is_model else name
     beside = None if is_model else path.with_stem(path.stem + CONFIDENCE)
     output_path.check_places(args, *([beside] if beside else []))
     options = common.parse_options(args, "disparity")
+    KINDS["disparity"].check_format(options, made)
     source = common.open_input(args, options)
     report, what = _write_model(source, options, path) if name is None else _write_map(source, options, path, name)
     common.write_report(report, args.report)
@@ -56,14 +58,16 @@ def _describe_range(described: Report) -> str:
     found = described["confident"]
     if found is None:
         return "which has too little texture to tell"
-    confidence = f"where texture has a confidence of {found['confidence']:.2g} or more"
-    where = "where the mesh is seen" if described["exact"] else confidence
+    sure = f"(1st to 99th percentile) where texture has a confidence of {found['confidence']:.2g} or more"
+    where = "where the mesh is seen" if described["exact"] else sure
     return f"{found['least']:.3f} to {found['largest']:.3f} {where}"
 
 
 def _write_model(source: Source, options: Options, path: Path) -> tuple[Report, str]:
     with common.progress_bar("picture") as progress:
         model, report = build_model(source, options, progress=progress)
-    model.save(path)
+    is_points = options.points == "yes"
+    model.save(path, points=is_points)
     surface = report["surface"]
-    return report, f"a model of {surface['triangles']} triangles"
+    what = f"{surface['vertices']} points" if is_points else f"{surface['triangles']} triangles"
+    return report, f"a model of {what}"

@@ -106,8 +106,10 @@ def test_corner_views_are_compared_at_the_steps_of_the_centre(monkeypatch, most_
 
 
 def test_a_camera_array_gives_the_same_model_as_the_lens_array_that_shows_the_same(captured, model):
-    cameras = captured.with_depth_sense("cameras")
-    assert np.array_equal(make_model(cameras, pitch=2.0, delta=0.1).vertices, model.vertices)
+    found = make_model(captured.with_depth_sense("cameras"), pitch=2.0, delta=0.1)
+    assert np.array_equal(found.vertices, model.vertices)
+    (note,) = found.notes
+    assert "z is in proportion to disparity" in note
 
 
 def test_an_unknown_delta_is_noted_and_changes_no_view(captured):

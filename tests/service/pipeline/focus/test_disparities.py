@@ -2,8 +2,10 @@ import numpy as np
 import pytest
 
 from ciir.errors import InvalidOption
+from ciir.renderer.focus.disparity import DisparityMap
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.writers.pictures import encode
 from ciir.service.pipeline.focus.disparities import find_disparity
 from ciir.service.pipeline.options import KINDS
 from tests.support.inputs import make_off
@@ -47,6 +49,22 @@ def test_a_plain_background_has_no_part_in_the_range():
     assert found["least"] < 0
     assert (found["confident"]["least"], found["confident"]["largest"]) == pytest.approx((2, 2), abs=0.1)
     assert found["confident"]["confidence"] <= 0.5
+
+
+def test_few_wrong_pixels_have_no_part_in_the_range(monkeypatch):
+    disparity = np.ones((32, 36), np.float32)
+    disparity[:2, :5] = -22  # 10 of 1152 pixels, less than a hundredth
+    wrong = DisparityMap((2, 2), disparity, np.ones_like(disparity), np.arange(2.0), "cameras")
+    monkeypatch.setattr("ciir.service.pipeline.focus.disparities.estimate_view", lambda *_: wrong)
+    _, report = run(make_plane(1))
+    assert report["disparity"]["least"] == -22
+    assert report["disparity"]["confident"] == {"least": 1, "largest": 1, "confidence": 0.5}
+
+
+def test_geometry_that_a_map_does_not_use_is_noted():
+    source = Bundle.from_upload("eia.png", encode(make_plane(1).eia(), ".png"))
+    _, report = run(source, pixels="5x5", pitch="1", parallax="20")
+    assert any(note.startswith("pitch, parallax: a disparity map is in pixels") for note in report["notes"])
 
 
 def test_views_without_texture_have_no_range():

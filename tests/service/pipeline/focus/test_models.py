@@ -5,6 +5,7 @@ from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.service.pipeline.focus.models import build_model
 from ciir.service.pipeline.options import KINDS
+from tests.support.light_fields import make_views
 
 MESH = {"lenses": "24x24", "pixels": "5x5", "backend": "raytrace", "pitch": "0.5", "delta": "0.1"}
 
@@ -33,3 +34,39 @@ def test_after_upscaling_it_lies_where_it_did():
 def test_options_of_maps_are_refused(name):
     with pytest.raises(InvalidOption, match=f"{name}: a model is made of several views"):
         build(LightField(np.zeros((3, 3, 8, 8, 3), np.uint8)), **{name: {"view": "0,0", "limits": "0:1"}[name]})
+
+
+def make_wall():
+    """5x5 cameras before a wall with a disparity of 2 pixels."""
+    return LightField(make_views(side=64, disparities=(-2, -2)), is_ordered=True, depth_sense="cameras")
+
+
+@pytest.mark.parametrize("model", ["none", "nearest"])
+def test_the_depth_of_a_camera_array_is_true_also_after_upscaling(model):
+    cameras = {"camera_pitch": "2", "focal_length": "36", "sensor": "36"}  # 128 / depth pixels
+    built, report = build(make_wall(), **cameras, model=model)
+    assert not any("disparity" in note for note in report["notes"])
+    assert np.median(built.vertices[:, 2]) == pytest.approx(-64, rel=0.01)
+    np.testing.assert_allclose(np.ptp(built.vertices[:, :2], axis=0), 64 + 8, atol=0.5)  # the corners see 4 mm more
+
+
+def test_a_camera_array_of_unknown_geometry_is_noted():
+    _, report = build(make_wall())
+    assert "z is in proportion to disparity" in report["notes"][-1]
+
+
+@pytest.mark.parametrize(
+    ("texts", "message"),
+    [
+        ({"camera_pitch": "2"}, "camera_pitch: depths need focal_length and sensor too"),
+        ({"convergence": "2"}, "convergence: this needs camera_pitch"),
+    ],
+)
+def test_the_geometry_of_cameras_is_complete(texts, message):
+    with pytest.raises(InvalidOption, match=message):
+        build(make_wall(), **texts)
+
+
+def test_a_lens_array_has_no_cameras():
+    with pytest.raises(InvalidOption, match="camera_pitch: this is for camera arrays"):
+        build("vase", **MESH, camera_pitch="2", focal_length="36", sensor="36")

@@ -97,6 +97,8 @@ def test_bad_input(client, bad_input):
         ("plane", {"disparity": "1", "stack": "0:1:3"}, "these ask for different pictures"),
         ("plane", {"depth": "5", "sensor": "2"}, "sensor: this needs camera_pitch"),
         ("disparity", {"limits": "2:-2"}, "limits: 2:-2 is not a range"),
+        ("disparity", {"points": "yes"}, "points: only a PLY holds points"),
+        ("disparity", {"camera_pitch": "2", "format": "glb"}, "camera_pitch: depths need focal_length and sensor too"),
         ("reconstruction", {"lens_rotation": "1"}, "lens_rotation: this needs lens_pitch"),
         ("reconstruction", {"fps": "5"}, "fps: the default format, png or zip, has no use for it; leave it out, or"),
         ("reconstruction", {"epi": "y=1", "format": "npz"}, "epi: format npz has no use for it; leave it out, or"),

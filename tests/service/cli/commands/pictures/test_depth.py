@@ -47,7 +47,10 @@ def test_a_light_field_in_colours(tmp_path, capsys):
     words = ["depth", str(tmp_path / "in.npz"), "--to", "viridis", "--view", "0,1", "--limits", "-1:1"]
     assert main([*words, "-o", str(tmp_path / "out.png")]) == 0
     assert decode((tmp_path / "out.png").read_bytes(), name="out").shape == (16, 20, 3)
-    assert re.search(r" where texture has a confidence of 0\.\d+ or more, 16x20 pixels", capsys.readouterr().out)
+    assert re.search(
+        r" \(1st to 99th percentile\) where texture has a confidence of 0\.\d+ or more, 16x20 pixels",
+        capsys.readouterr().out,
+    )
 
 
 def test_a_light_field_without_texture(tmp_path, capsys):
@@ -67,6 +70,14 @@ def test_a_model_is_rendered_again(tmp_path, capsys):
     assert 10 * np.log10(255**2 / np.square(truth - made).mean()) > 22  # outlines of 32 pixels are coarse
 
 
+def test_points_of_a_model(tmp_path, capsys):
+    out = tmp_path / "out.ply"
+    assert main(["depth", *MESH, "-o", str(out), "--points"]) == 0
+    count = int(re.search(rb"element vertex (\d+)", out.read_bytes())[1])
+    assert b"element face" not in out.read_bytes()
+    assert f"out.ply: a model of {count} points" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -75,6 +86,11 @@ def test_a_model_is_rendered_again(tmp_path, capsys):
             "a.jpg: not the name of a disparity map or a model; end it with .pfm, .tif, .tiff, .png, .npy, .glb",
         ),
         (["-o", "a.pfm", "--to", "exr"], "format: 'exr' holds no disparity; give pfm, tiff, png"),
+        (["-o", "a.glb", "--points"], "points: only a PLY holds points; leave it out or make a ply"),
+        (
+            ["-o", "a.pfm", "--camera-pitch", "2", "--sensor", "36", "--focal-length", "35"],
+            "--camera-pitch: it places a model and changes no disparity; leave it out or make a glb or ply",
+        ),
         (["-o", "a.pfm", "--limits", "0:1"], "limits: the disparity of a mesh is rendered"),
     ],
 )
