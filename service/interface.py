@@ -25,6 +25,7 @@ from ciir.service.pipeline.source import Input, add_frames, as_light_field, draw
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from os import PathLike
+    from typing import Unpack
 
     from ciir.models.light_field.fusion import Fusion
     from ciir.renderer.placement import Fit, Up
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.run import Progress
     from ciir.service.pipeline.source import Frame
+    from ciir.service.pipeline.typed_options import ReconstructionOptions
 
     Given = File | LightField
 
@@ -294,7 +296,9 @@ def upscale(
     return large[0, ..., 0] if images.ndim == 2 else large[0]
 
 
-def reconstruct(source: Given, *, progress: Progress | None = None, **options: Any) -> Reconstruction:
+def reconstruct(
+    source: Given, *, progress: Progress | None = None, **options: Unpack[ReconstructionOptions]
+) -> Reconstruction:
     """Runs the main job in memory: makes views of a mesh, an EIA or a set of views, and upscales them.
 
     `source`: a file, a folder, a zip, `scene:NAME`, a light field, or the content of a file, as for `open`. `options`

@@ -8,6 +8,9 @@ from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.pictures import decode
 from ciir.renderer.view_order.evidence import ORDERS
+from ciir.service.pipeline.options import RECONSTRUCTION
+from ciir.service.pipeline.options.writing import WRITING
+from ciir.service.pipeline.typed_options import ReconstructionOptions
 from tests.support.inputs import EIA, EIA_PNG, make_picture
 from tests.support.light_fields import make_views, put_in, wind, write_views
 
@@ -45,6 +48,10 @@ def test_upscaled_views_are_those_of_the_command(tmp_path, model):
     assert large.views.shape == (2, 3, 12, 18, 3)
     for (v, u), picture in result.views.items():
         np.testing.assert_array_equal(large.view(v, u), picture)
+
+
+def test_the_types_name_every_option():
+    assert [*ReconstructionOptions.__annotations__] == [name for name in RECONSTRUCTION if name not in WRITING]
 
 
 def test_fusion_is_that_of_the_command():
