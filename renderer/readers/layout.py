@@ -25,6 +25,8 @@ row from right to left.
 
 TEXT = "ciir layout"
 """The keyword of the text in which our PNGs describe how their views are laid out."""
+DEPTH_SENSE_TEXT = "ciir depth sense"
+"""The keyword of the text in which each of our views states the depth sense of its set."""
 _WRITTEN = re.compile(r"(eia|mosaic) pixels=(\d{1,5})x(\d{1,5}) lenses=(\d{1,5})x(\d{1,5}) pickup=(virtual|optical)")
 
 

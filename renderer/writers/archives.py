@@ -32,7 +32,7 @@ class ZipWriter(Writer):
     def write(self, view: View, pixels: Pixels) -> str:
         """Adds a PNG."""
         name = self._contents.name_file(view)
-        self._zip.writestr(zipfile.ZipInfo(name, ZIP_DATE), encode_png(pixels))
+        self._zip.writestr(zipfile.ZipInfo(name, ZIP_DATE), encode_png(pixels, self._contents.text))
         return name
 
     def finish(self, report: dict[str, Any]) -> None:

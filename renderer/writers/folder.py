@@ -52,7 +52,7 @@ class FolderWriter(Writer):
         """Writes a PNG."""
         assert self._staged is not None  # noqa: S101 - `begin` was called: the contract of Writer
         name = self._contents.name_file(view)
-        self._staged.write(name, encode_png(pixels))
+        self._staged.write(name, encode_png(pixels, self._contents.text))
         self._names.add(name)
         return name
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import InvalidOption
+from ciir.renderer.readers.layout import DEPTH_SENSE_TEXT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -50,6 +51,11 @@ class Contents:
     def name_file(self, view: View) -> str:
         """Returns `view_VV_UU.png`, or `frame_NNNN.png` for several times or yaws."""
         return f"frame_{view[1]:04d}.png" if self.times else file_name(view)
+
+    @property
+    def text(self) -> dict[str, str]:
+        """What each PNG of a view states, by keyword."""
+        return {} if self.times else {DEPTH_SENSE_TEXT: self.depth_sense}
 
     def refuse_times(self, name: str) -> None:
         """Raises `InvalidOption` for pictures at several times or yaws, which the format `name` can't hold."""

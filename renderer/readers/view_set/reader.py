@@ -6,17 +6,19 @@ import json
 import re
 from dataclasses import replace
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Literal, cast, get_args
 
 import numpy as np
 
 from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
 from ciir.renderer.levels import ROUNDED
 from ciir.renderer.limits import DEFAULT_LIMITS, Limits
-from ciir.renderer.readers.layout import Layout
+from ciir.renderer.readers.layout import DEPTH_SENSE_TEXT, Layout
 from ciir.renderer.readers.metadata.colour_profiles import note_profile
 from ciir.renderer.readers.names import clean_text, is_hidden
+from ciir.renderer.readers.picture_sizes import START_BYTES, read_start
 from ciir.renderer.readers.pictures import is_rounded
+from ciir.renderer.readers.png import find_text
 from ciir.renderer.readers.registry import is_picture
 from ciir.renderer.readers.view_set.grid import describe_unknown_shape, find_grids
 from ciir.renderer.readers.view_set.order import (
@@ -213,13 +215,22 @@ def _sort_key(file: str) -> list[tuple[int, str]]:
 
 
 def _read_own_depth_sense(files: Mapping[str, bytes], names: Sequence[str]) -> DepthSense | None:
-    """Returns the depth sense in the report next to views that we wrote, or None if there is none."""
+    """Returns the depth sense of views that we wrote, from the report next to them or from the first of them; None if
+    neither states it.
+    """
     path = PurePosixPath(names[0])
-    report = str(path.parent / "report.json")
-    if OWN_NAME.fullmatch(path.name) is None or report not in files or len(data := files[report]) > MAX_REPORT:
+    if OWN_NAME.fullmatch(path.name) is None:
+        return None
+    start = read_start(files, names[0], START_BYTES) or b""
+    stated = _read_report(files, str(path.parent / "report.json")) or find_text(start, DEPTH_SENSE_TEXT)
+    return cast("DepthSense", stated) if stated in get_args(DepthSense) else None
+
+
+def _read_report(files: Mapping[str, bytes], report: str) -> object:
+    """Returns the depth sense that a report states, or None if there is none."""
+    if report not in files or len(data := files[report]) > MAX_REPORT:
         return None
     try:
-        stated = json.loads(data)["lens_array"]["depth_sense"]
+        return json.loads(data)["lens_array"]["depth_sense"]
     except (LookupError, TypeError, ValueError, RecursionError):  # a report from another program
         return None
-    return stated if stated in get_args(DepthSense) else None

@@ -77,6 +77,6 @@ def encode(pixels: Pixels, suffix: str, text: Mapping[str, str] | None = None, *
     return entry.encode(pixels, text, ppi)
 
 
-def encode_png(pixels: Pixels, *, ppi: float | None = None) -> bytes:
-    """Returns a PNG of `(height, width, 1..4)` pixels, 8 or 16 bit, every bit kept."""
-    return BY_SUFFIX[".png"].encode(pixels, ppi=ppi)
+def encode_png(pixels: Pixels, text: Mapping[str, str] | None = None, *, ppi: float | None = None) -> bytes:
+    """Returns a PNG of `(height, width, 1..4)` pixels, 8 or 16 bit, every bit kept, with `text` by keyword."""
+    return BY_SUFFIX[".png"].encode(pixels, text, ppi)

@@ -108,6 +108,17 @@ def test_the_depth_sense_of_our_own_views_is_in_their_report() -> None:
         assert read(files | {"out/report.json": report}).depth_sense == "cameras"
 
 
+def test_our_own_views_state_their_depth_sense_without_the_report(tmp_path):
+    light_field = ciir.LightField(np.zeros((2, 3, 4, 5, 3), np.uint8))
+    for sense in ("lenses", "cameras"):
+        light_field.with_depth_sense(sense).save(tmp_path / sense)
+        (tmp_path / sense / "report.json").unlink()
+        assert ciir.open(tmp_path / sense).depth_sense == sense
+    for path in (tmp_path / "lenses").iterdir():
+        path.rename(path.with_name(path.name.replace("view", "mine")))
+    assert ciir.open(tmp_path / "lenses").depth_sense == "cameras"  # as other views
+
+
 class Starts(dict[str, bytes]):
     """Files that can't be read whole."""
 
