@@ -50,6 +50,9 @@ class Accuracy:
     """dB on Y."""
     ssim: float
     """Structural similarity on Y, at most 1."""
+    fallback: float | None = None
+    """The share of pixels that come mostly from the single-picture fallback of a light-field network; None for a
+    single-picture model, and on cards from before this was measured."""
 
 
 @dataclass(frozen=True)
@@ -159,6 +162,7 @@ _JSON_TYPES: dict[str, tuple[type, ...]] = {
     "int": (int,),
     "bool": (bool,),
     "float": (int, float),
+    "float | None": (int, float, type(None)),
     "dict[str, Any]": (dict,),
     "tuple[str | int, ...]": (list,),
 }

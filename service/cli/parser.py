@@ -196,6 +196,12 @@ def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         help="a light field to use instead of pictures: a folder of views, or any other",
     )
     command.add_argument(
+        "--network-only",
+        action="store_true",
+        help="with --light-field: score a network's own output, as the log of `ciir train` does, without the fallback "
+        "and the corrections that follow it in `ciir reconstruct`",
+    )
+    command.add_argument(
         "--grid", metavar="KvxKu", help="use this many views in the middle of the light field (default 5x5)"
     )
     command.add_argument(

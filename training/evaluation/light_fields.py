@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -9,22 +10,29 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from tqdm import tqdm
 
+from ciir.bit_depth import round_to_depth
 from ciir.errors import UnknownModel, UnsupportedScale
 from ciir.models import cards, catalogue
+from ciir.models.light_field.finishing import Finishing
 from ciir.models.light_field.fusion.views import FusingUpscaler, explain_no_fusion
 from ciir.models.light_field.network import LightFieldNetwork
+from ciir.models.light_field.runner import Job, run_network
 from ciir.models.light_field.strides import choose_stride
 from ciir.models.light_field.views import upscale_views
 from ciir.models.light_field.windows import MINIMUM_GRID
 from ciir.models.single.network import SingleImageNetwork
 from ciir.models.single.pixels import upscale_pixels
+from ciir.models.single.skipping import SkipStatistics
 from ciir.renderer.light_field import LightField
 from ciir.renderer.view_order.motion import measure_motion
 from ciir.training.data.light_field.views import compress_array, convert_views, degrade_views, read_light_field
 from ciir.training.evaluation.metrics import average, compute_psnr, compute_ssim, convert_to_luma
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from ciir.models.cards import Accuracy
+    from ciir.models.light_field.disparities.shifts import Pixels
     from ciir.models.light_field.fusion import Fusion
     from ciir.models.upscaler import Upscaler
     from ciir.renderer.readers.layout import Layout
@@ -49,6 +57,9 @@ class Measured(NamedTuple):
     """(v, u) in the grid -> Y-PSNR (dB, infinite if nothing differs) and SSIM."""
     notes: tuple[str, ...] = ()
     """What was found while the light field was read."""
+    averaged: int = 0
+    """The number of views that are means of a light-field network's picture and the fallback's, because they look
+    filtered (`models.light_field.finishing`)."""
 
 
 def describe_protocol(grid: tuple[int, int] = GRID) -> str:
@@ -65,6 +76,7 @@ def measure(
     layout: Layout | None = None,
     jpeg: int | None = None,
     fusion: Fusion = "auto",
+    network_only: bool = False,
 ) -> Measured:
     """Measures Y-PSNR (dB) and SSIM of the middle `grid` = (V, U) views of a light field, and their means.
 
@@ -76,7 +88,8 @@ def measure(
 
     `jpeg`: if given, the low-resolution views are those of an elemental image array in a JPEG of this quality
     (`training.data.light_field.views.compress_array`). `fusion`: which views a light-field network's are fused with
-    those around them (`models.light_field.fusion.views`).
+    those around them (`models.light_field.fusion.views`). `network_only`: whether a light-field network is scored
+    without anything that follows it, as by `upscale_by_network`.
 
     Raises `ValueError` if there is no full grid of views of one size, it is smaller than `grid`, or the views are
     too small to be scored or too few for a light-field network.
@@ -95,20 +108,24 @@ def measure(
     scores: dict[View, tuple[float, float]] = {}
     if fusion == "auto" and explain_no_fusion(low[0, 0, ..., 0].size, stride):
         fusion = "never"
+    finished: list[Finishing] = []
     if isinstance(network, LightFieldNetwork):
-        alone = catalogue.load_upscaler(catalogue.FALLBACK, scale=network.scale)
+        fallback = catalogue.load_upscaler(catalogue.FALLBACK, scale=network.scale)
         make = FusingUpscaler(
-            partial(upscale_views, network, alone, finds_sampling=True),
+            partial(upscale_by_network, network)
+            if network_only
+            else partial(upscale_views, network, fallback, finds_sampling=True),
             grid,
             stride,
-            fusion=fusion,
+            fusion="never" if network_only else fusion,
             is_jpeg=array.is_jpeg,
             fetch=lambda absent: {view: given[view] for view in absent},
             cores=1,
         )
     for view in tqdm(views, desc=path.name, disable=None, unit="view", leave=False):
         if isinstance(network, LightFieldNetwork):
-            made, _ = make(given, [view])
+            made, how = make(given, [view])
+            finished += how
         else:
             made = upscale_pixels(network, array.views[view][np.newaxis])
         got, truth = convert_to_luma(made[0].astype(np.uint8)), convert_to_luma(high[view])
@@ -119,7 +136,21 @@ def measure(
         scores[view] = (float(compute_psnr(got, truth, border=network.scale)), float(ssim))
     kind = degradation if jpeg is None else f"{degradation}, JPEG {jpeg}"
     name = f"{path.resolve().name} {grid[0]}x{grid[1]} ({kind})"
-    return Measured(average(name, scores), scores, field.notes)
+    mean = average(name, scores)
+    if finished:
+        mean = replace(mean, fallback=round(sum(each.fallback for each in finished) / len(finished), 4))
+    return Measured(mean, scores, field.notes, sum(each.is_averaged for each in finished))
+
+
+def upscale_by_network(
+    network: LightFieldNetwork, views: Mapping[View, Pixels], wanted: Sequence[View], grid: tuple[int, int]
+) -> tuple[Pixels, list[Finishing]]:
+    """Upscales 8-bit views as `models.light_field.views.upscale_views` does, but only by the network: without the
+    fallback, and without the corrections for how views were sampled.
+    """
+    output = run_network(Job(network, views, grid, True, SkipStatistics(), None), wanted)
+    finished = [Finishing(disparities=output.find_range(number)) for number in range(len(wanted))]
+    return round_to_depth(output.pictures, views[wanted[0]].dtype), finished
 
 
 def load_network(model: str, scale: int) -> Upscaler | LightFieldNetwork:

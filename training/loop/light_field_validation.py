@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 import torch
 
-from ciir.models.light_field.network import LUMA
-from ciir.models.light_field.planes import Range, describe_window
-from ciir.models.light_field.windows import select_axis
+from ciir.models.light_field.network import LightFieldNetwork
+from ciir.models.light_field.planes import REACH, describe_window
 from ciir.training.data.downscale import KINDS
-from ciir.training.data.light_field.crops import Inputs
 from ciir.training.data.light_field.views import degrade_views, read_views
-from ciir.training.loop.validation import score_outputs
+from ciir.training.evaluation.light_fields import upscale_by_network
+from ciir.training.evaluation.metrics import compute_psnr, rgb_to_luma
+from ciir.training.networks.collapsible import CollapsibleConv
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -21,12 +21,41 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import nn
 
+    from ciir.models.light_field.planes import Range
+    from ciir.models.light_field.windows import Axis
     from ciir.training.data.downscale import Pair
     from ciir.training.networks.light_field import LightFieldGenerator
 
+AROUND = 4
+"""Most input pixels that interpolation and the guard reach on each side."""
+WIDEST = 120
+"""Largest overlap of tiles, input pixels. Tiles of `models.sessions.TILE_PIXELS` then still have a part to keep."""
 
-DISPARITIES = Range(-1.0, 1.0)
-"""The disparities that planes are spread over, which suit the Knights at half their size."""
+
+class _NetworkInTraining(LightFieldNetwork):
+    """A network in training, called as an exported one."""
+
+    def __init__(self, network: nn.Module) -> None:
+        self.name, self.scale, self.threads = "network", 2, 1
+        self._module, self._device = network, next(network.parameters()).device
+        layers = sum(isinstance(module, CollapsibleConv) for module in network.modules())
+        self.radius = min(WIDEST, REACH + AROUND + layers)
+
+    def __call__(
+        self,
+        image: NDArray[np.float32],
+        around: NDArray[np.float32],
+        rows: Axis,
+        cols: Axis,
+        disparities: Range,
+        *,
+        cores: int | None = None,  # noqa: ARG002 - torch uses all of them
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """See `LightFieldNetwork.__call__`; the uncertainty is zero."""
+        window = describe_window(rows, cols, disparities, cast("LightFieldGenerator", self._module).planes)
+        inputs = (torch.from_numpy(part.copy()).to(self._device) for part in (image, around, *window))
+        made: NDArray[np.float32] = self._module(*inputs).clamp(0, 1).cpu().numpy()
+        return made, np.zeros_like(image[:, :1])
 
 
 def read_light_field(folder: Path, scale: int) -> list[Pair]:
@@ -39,18 +68,21 @@ def read_light_field(folder: Path, scale: int) -> list[Pair]:
     return [degrade_views(views[middle], kind, scale) for kind in KINDS]
 
 
-def make_inputs(low: NDArray[np.uint8], v: int, u: int, planes: int) -> Inputs:
-    """Makes the inputs of a light-field network of `planes` for view (v, u) of `(V, U, h, w, 3)`, 8-bit RGB."""
-    rows, cols = select_axis(v, low.shape[0]), select_axis(u, low.shape[1])
-    views = torch.from_numpy(low[np.ix_(rows.views, cols.views)]).float().div(255)
-    around = (views @ torch.tensor(LUMA)).flatten(0, 1)[None]
-    image = torch.from_numpy(low[v, u]).permute(2, 0, 1)[None].float().div(255)
-    window = describe_window(rows, cols, DISPARITIES, planes)
-    return Inputs(image, around, *(torch.from_numpy(part.copy()) for part in window))
-
-
+@torch.no_grad()
 def validate_network(network: nn.Module, against: list[Pair]) -> float:
-    """Returns the mean Y-PSNR in dB of the middle view over all degradations, with a border of 2 cut."""
-    planes = cast("LightFieldGenerator", network).planes
-    middle = [(low, high, low.shape[0] // 2, low.shape[1] // 2) for low, high in against]
-    return score_outputs(network, ((make_inputs(low, v, u, planes), high[v, u]) for low, high, v, u in middle), 2)
+    """Returns the mean Y-PSNR in dB of the middle view over all degradations, with a border of 2 cut.
+
+    It is upscaled as by `training.evaluation.light_fields.upscale_by_network`, so that disparities are measured as by
+    `ciir reconstruct`.
+    """
+    network.eval()
+    called = _NetworkInTraining(network)
+    scores = []
+    for low, high in against:
+        grid = (low.shape[0], low.shape[1])
+        middle = (grid[0] // 2, grid[1] // 2)
+        views = {(v, u): low[v, u] for v in range(grid[0]) for u in range(grid[1])}
+        made, _ = upscale_by_network(called, views, [middle], grid)
+        scores.append(compute_psnr(rgb_to_luma(made[0].astype(np.uint8)), rgb_to_luma(high[middle]), border=2))
+    network.train()
+    return sum(scores) / len(scores)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ciir.errors import InvalidOption
-from ciir.models.catalogue import LIGHT_FIELD_DEFAULT, list_names
+from ciir.models.catalogue import FALLBACK, LIGHT_FIELD_DEFAULT, list_names
 from ciir.renderer.writers.atomic_write import place_for_file, replacing
 from ciir.renderer.writers.writer import report_json
 from ciir.service.cli import common
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from ciir.models.cards import Accuracy
     from ciir.renderer.views import View
+    from ciir.training.evaluation.light_fields import Measured
 
 VIEWS, DEGRADATION = "5x5", "bicubic"
 """The defaults for evaluating a light field, from BasicLFSR's protocol."""
@@ -34,6 +35,7 @@ def run(args: argparse.Namespace) -> None:
     reading = [name for name in READING_VIEWS if getattr(options, name) != getattr(Options, name)]
     of_views = [name for name in ("grid", "jpeg") if getattr(args, name) is not None]
     of_views += ["fusion"] if options.fusion != Options.fusion else []
+    of_views += ["network_only"] if args.network_only else []
     if args.truth is not None:
         of_models = [name for name in ("degradation", "light_field") if getattr(args, name)]
         _refuse(of_views + of_models, "a MODEL")
@@ -103,11 +105,14 @@ def _evaluate_views(args: argparse.Namespace, options: Options) -> None:
                 layout=make_layout(options),
                 jpeg=args.jpeg,
                 fusion=options.fusion,
+                network_only=args.network_only,
             )
         except ValueError as error:
             raise InvalidOption(str(error)) from error
-        _show_score(f"{name} on {found.mean.data}", found.mean, "views")
-        entries.append(_describe_model(name, found.mean, degradation) | {"views": _list_views(found.views)})
+        helped = "" if args.network_only else _describe_fallback(found)
+        _show_score(f"{name} on {found.mean.data}", found.mean, "views", helped)
+        shares = {"fallback": found.mean.fallback, "averaged": found.averaged, "network_only": args.network_only}
+        entries.append(_describe_model(name, found.mean, degradation) | shares | {"views": _list_views(found.views)})
         notes = found.notes
     common.print_notes(notes)
     _write_scores(describe_protocol(grid), options.scale, entries, args.json, notes)
@@ -145,10 +150,19 @@ def _evaluate_results(args: argparse.Namespace, options: Options, *, has_layout:
     _write_scores(PROTOCOL, options.scale, entries, args.json, notes)
 
 
-def _show_score(what: str, score: Accuracy, counted: str) -> None:
+def _show_score(what: str, score: Accuracy, counted: str, more: str = "") -> None:
     counted = counted if score.pictures != 1 else counted.removesuffix("s")
     over = f" over {score.pictures} {counted}" if score.pictures > 1 or counted != "view" else ""
-    common.print_line(f"{what}: PSNR {score.psnr:.2f} dB, SSIM {score.ssim:.4f} on Y{over}")
+    common.print_line(f"{what}: PSNR {score.psnr:.2f} dB, SSIM {score.ssim:.4f} on Y{over}{more}")
+
+
+
+def _describe_fallback(found: Measured) -> str:
+    """Returns how much of the views the fallback of a light-field network made; empty for a single-picture model."""
+    if found.mean.fallback is None:
+        return ""
+    share = f"; {FALLBACK} made {100 * found.mean.fallback:.0f} % of the pixels"
+    return f"{share}, and {found.averaged} views are means with it" if found.averaged else share
 
 
 def _describe_model(model: str, score: Accuracy, degradation: str | None) -> dict[str, Any]:

@@ -45,12 +45,12 @@ class Repeat(LightFieldNetwork):
     name, scale, radius, threads = "repeat", 2, 0, 1
     card = read_card(SHIPPED / "field.json")
 
-    def __init__(self):
-        self.windows = []
+    def __init__(self, uncertainty=0.0):
+        self.windows, self.uncertainty = [], uncertainty
 
     def __call__(self, image, around, rows, cols, disparities, *, cores=None):
         self.windows.append((around, rows.present, cols.present))
-        return image.repeat(2, axis=2).repeat(2, axis=3), np.zeros_like(image[:, :1])
+        return image.repeat(2, axis=2).repeat(2, axis=3), np.full_like(image[:, :1], self.uncertainty)
 
 
 @pytest.mark.parametrize("network", [Nearest(2), Repeat()])
@@ -104,6 +104,17 @@ def test_views_are_fused_as_by_a_reconstruction(tmp_path, monkeypatch, jpeg, mos
     views = {(v, u): flat + np.uint8(v) for v in range(5) for u in range(5)}
     measure(Repeat(), save(tmp_path / "v", views), degradation="box", jpeg=jpeg)
     assert asked == [expected]
+
+
+def test_the_share_of_the_fallback(tmp_path):
+    """Of flat 2x2 cells, which look like means, and not filtered."""
+    folder = save(tmp_path / "v", field(3, 3))
+    found, low = (measure(Repeat(u), folder, grid=(3, 3), degradation="box") for u in (0.0, 2.0))
+    assert (found.mean.fallback, low.mean.fallback, low.averaged) == (0, 1, 0)
+    assert low.mean.psnr < found.mean.psnr - 1
+    own = measure(Repeat(2.0), folder, grid=(3, 3), degradation="box", network_only=True)
+    assert (own.mean.fallback, own.mean.psnr) == (0, np.inf)
+    assert measure(Nearest(2), folder, grid=(3, 3), degradation="box").mean.fallback is None
 
 
 def test_views_outside_the_grid_are_ignored(tmp_path):

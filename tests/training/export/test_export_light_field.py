@@ -23,7 +23,7 @@ from ciir.training.evaluation import light_fields
 from ciir.training.export import calibration, qdq, to_onnx
 from ciir.training.export import inputs as examples
 from ciir.training.export.export import compare_with_torch, export_int8, export_network, load_network, simplify_network
-from ciir.training.loop import checkpoints
+from ciir.training.loop import checkpoints, light_field_validation
 from ciir.training.networks.light_field import LightFieldGenerator
 
 OPTIONS = {"widths": [8, 16, 16], "width": 16, "depth": 1, "guard": True}
@@ -65,10 +65,21 @@ def test_the_card(exported, views):
     assert card.protocol == light_fields.PROTOCOL
     network = LightFieldNetwork(exported)
     assert card.accuracy == tuple(light_fields.measure(network, views, degradation=kind).mean for kind in KINDS)
+    assert all(0 <= score.fallback <= 1 for score in card.accuracy)
     assert [score.data for score in card.accuracy] == [f"{views.name} 5x5 ({kind})" for kind in KINDS]
     commands = card.command.split("; ")
     assert commands[0] == f"ciir evaluate near --light-field {views.as_posix()} --degradation bicubic"
     assert len(commands) == len(card.accuracy)
+
+
+def test_the_network_only_has_the_score_of_the_log(exported, checkpoint, views):
+    scores = [
+        light_fields.measure(LightFieldNetwork(exported), views, degradation=kind, network_only=True).views[2, 2][0]
+        for kind in KINDS
+    ]
+    network = load_network(checkpoints.read_checkpoint(checkpoint))
+    logged = light_field_validation.validate_network(network, light_field_validation.read_light_field(views, 2))
+    assert logged == pytest.approx(np.mean(scores), abs=0.005)
 
 
 @pytest.mark.parametrize("place", examples.WINDOWS)

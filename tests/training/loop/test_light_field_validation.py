@@ -1,4 +1,4 @@
-"""Validation of light-field networks: inputs and score."""
+"""Validation of light-field networks: views, disparities and score."""
 
 import numpy as np
 import pytest
@@ -8,34 +8,11 @@ import torch
 from PIL import Image
 from torch import nn
 
-from ciir.models.light_field.planes import describe_window
-from ciir.models.light_field.windows import select_axis
 from ciir.training.data.downscale import KINDS, Pair
-from ciir.training.data.light_field.layered_scenes import LUMA
 from ciir.training.data.light_field.views import degrade_views
+from ciir.training.export.measure import find_receptive_radius
 from ciir.training.loop import light_field_validation
-
-
-@pytest.mark.parametrize(("grid", "at"), [((5, 5), (2, 2)), ((7, 3), (0, 2)), ((3, 6), (1, 4))])
-def test_a_window_holds_the_views_around(grid, at):
-    """Row by row, the nearest 5 of the grid; where it has fewer the view itself, which no filter takes."""
-    low = np.random.default_rng(0).integers(0, 256, (*grid, 6, 8, 3), np.uint8)
-    image, around, down, across, window = light_field_validation.make_inputs(low, *at, 7)
-    assert (image.shape, around.shape) == ((1, 3, 6, 8), (1, 25, 6, 8))
-    assert down.shape == across.shape == (7, 3, 5, 11)
-    axes = [select_axis(*place) for place in zip(at, grid, strict=True)]
-    wanted = describe_window(*axes, light_field_validation.DISPARITIES, 7)
-    for found, part in zip((down, across, window), wanted, strict=True):
-        np.testing.assert_array_equal(found, part)
-    np.testing.assert_allclose(image[0].permute(1, 2, 0) * 255, low[at], atol=1e-4)
-    for slot, luma in enumerate(around[0]):
-        place = []
-        for number, of, own, filters in zip(divmod(slot, 5), grid, at, (down, across), strict=True):
-            seen = max(0, min(own - 2, of - 5)) + number
-            assert bool(filters[:, :, number].any()) == (seen < of)
-            place.append(seen if seen < of else own)
-        seen = low[tuple(place)]
-        np.testing.assert_allclose(luma * 255, seen @ np.array(LUMA), atol=1e-3)  # float32 of numbers up to 255
+from ciir.training.networks.light_field import LightFieldGenerator
 
 
 def test_the_middle_views_are_degraded_in_each_way(tmp_path):
@@ -58,11 +35,13 @@ class Nearest(nn.Module):
     def __init__(self, error):
         super().__init__()
         self.error = nn.Parameter(torch.tensor(float(error)))
+        self.windows = []
 
     def forward(self, image, around, down, across, window):
         assert not self.training
         assert len(down) == self.planes
         assert torch.equal(down, across)
+        self.windows.append(window.tolist())
         made = image.repeat_interleave(2, 2).repeat_interleave(2, 3)
         made[..., ::2, ::2] += self.error / 255
         return made
@@ -79,3 +58,24 @@ def test_a_known_error_in_the_middle_view():
     assert light_field_validation.validate_network(network, [pair]) == pytest.approx(wanted[0], abs=1e-3)
     assert light_field_validation.validate_network(network, [pair, other]) == pytest.approx(np.mean(wanted), abs=1e-3)
     assert network.training
+
+
+@pytest.mark.parametrize(("disparity", "remaining"), [(-0.4, -0.4), (0.7, 0.7), (3.2, 0.2)])
+def test_planes_lie_around_the_disparities_of_the_views(disparity, remaining):
+    """In LR pixels. Views that differ by more than 1.5 are first shifted by whole pixels."""
+    y, x = np.mgrid[:64, :64]
+    places = [(v * disparity, u * disparity) for v in range(-2, 3) for u in range(-2, 3)]
+    waves = [np.sin((y - down) / 2.1) + np.sin((x - across) / 1.7 + y / 5) for down, across in places]
+    levels = (127.5 + 50 * np.stack(waves)).round().astype(np.uint8)
+    low = levels.reshape(5, 5, 64, 64, 1).repeat(3, axis=-1)
+    network = Nearest(0)
+    light_field_validation.validate_network(network, [Pair(low, low.repeat(2, axis=2).repeat(2, axis=3))])
+    (*_, lowest, highest), *others = network.windows
+    assert not others
+    assert lowest < remaining < highest < lowest + 0.7
+
+
+@pytest.mark.parametrize("options", [{}, {"widths": [8, 8], "width": 8, "depth": 1, "guard": True}])
+def test_tiles_overlap_by_the_receptive_field(options):
+    network = LightFieldGenerator(**options).eval()
+    assert light_field_validation._NetworkInTraining(network).radius >= find_receptive_radius(network, 2)

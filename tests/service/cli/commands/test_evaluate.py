@@ -98,24 +98,32 @@ def test_evaluate_a_light_field(tmp_path, capsys, monkeypatch):
         asked.append((model, path, options))
         if options["grid"] == (9, 9):
             raise ValueError("knights: no view (8, 8); give a smaller grid")
-        return SimpleNamespace(mean=Accuracy("knights 5x5 (bicubic)", 25, 31.234, 0.95), views={}, notes=("n",))
+        mean = Accuracy("knights 5x5 (bicubic)", 25, 31.234, 0.95, 0.204)
+        return SimpleNamespace(mean=mean, views={}, notes=("n",), averaged=7)
 
     stand_in = SimpleNamespace(measure=measure, load_network=lambda *model: model, describe_protocol=str)
     monkeypatch.setitem(sys.modules, "ciir.training.evaluation.light_fields", stand_in)
     given = ["evaluate", "--light-field", str(tmp_path)]
-    protocol = {"grid": (5, 5), "degradation": "bicubic", "jpeg": None, "fusion": "auto"}
+    protocol = {"grid": (5, 5), "degradation": "bicubic", "jpeg": None, "fusion": "auto", "network_only": False}
     assert main(given) == 0
     printed = capsys.readouterr()
-    assert "knights 5x5 (bicubic): PSNR 31.23 dB, SSIM 0.9500 on Y over 25 views" in printed.out
+    score = "knights 5x5 (bicubic): PSNR 31.23 dB, SSIM 0.9500 on Y over 25 views"
+    assert f"{score}; quality made 20 % of the pixels, and 7 views are means with it\n" in printed.out
     assert printed.err == "ciir: note: n\n"
     assert main([*given, "--grid", "3x7", "--degradation", "point", "quality"]) == 0
     assert main(["evaluate", "quality", *given[1:], "--scale", "4"]) == 0
     capsys.readouterr()
+    assert main([*given, "--network-only", "--json", str(tmp_path / "s.json")]) == 0
+    assert capsys.readouterr().out.endswith(f"{score}\n")
+    (written,) = json.loads((tmp_path / "s.json").read_text())["scores"]
+    assert (written["fallback"], written["averaged"], written["network_only"]) == (0.204, 7, True)
     assert asked == [
         ((models.catalogue.LIGHT_FIELD_DEFAULT, 2), tmp_path, protocol),
         (("quality", 2), tmp_path, protocol | {"grid": (3, 7), "degradation": "point"}),
         (("quality", 4), tmp_path, protocol),
+        ((models.catalogue.LIGHT_FIELD_DEFAULT, 2), tmp_path, protocol | {"network_only": True}),
     ]
+    assert "--network-only: this goes with --light-field" in fails(capsys, "evaluate", "fast", ".", "--network-only")
     assert "no view (8, 8)" in fails(capsys, *given, "--grid", "9x9")
 
 
