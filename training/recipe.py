@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 import tomllib
 from dataclasses import MISSING, asdict, dataclass, field, fields
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_origin, get_type_hints
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from pathlib import Path
 
 DEVICES = ("auto", "cpu", "cuda")
 CHANGEABLE = frozenset({"validate", "validate_every", "device", "initial", "vgg"})
 """Fields that may change when a run is resumed, because none of them changes what is learnt."""
+
+
+FOLDERS, FILES = frozenset({"train", "validate", "labelled"}), frozenset({"initial", "vgg", "meshes", "averaged"})
+"""Fields that hold the paths of folders and of files. `averaged` is added by `training.export.average`."""
 
 
 TYPE_NAMES = {
@@ -166,6 +171,29 @@ def read_recipe(path: Path) -> Recipe:
         return Recipe(**table)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{path}: {error}") from error
+
+
+def check_name(name: str) -> None:
+    """Raises `ValueError` if `name` is not a valid file name."""
+    if not re.fullmatch(r"[\w.+-]+", name):
+        raise ValueError(f"name: {name!r}: give one of letters, digits, '.', '_', '+' and '-'")
+
+
+def shorten_paths(recipe: Mapping[str, Any]) -> dict[str, Any]:
+    """Shortens the paths of a recipe for its card, which is published: folders to their names, and files to their names
+    and that of their folder.
+    """
+    shown = dict(recipe)
+    for key in FOLDERS & recipe.keys():
+        shown[key] = Path(recipe[key]).name
+    for key in FILES & recipe.keys():
+        value = recipe[key]
+        shown[key] = [_shorten_file(path) for path in value] if isinstance(value, list) else _shorten_file(value)
+    return shown
+
+
+def _shorten_file(path: str) -> str:
+    return "/".join(part for part in Path(path).parts[-2:] if part != "/")
 
 
 def find_difference(saved: Mapping[str, Any], recipe: Recipe) -> str:

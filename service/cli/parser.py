@@ -168,9 +168,9 @@ def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         "words",
         nargs="*",
         metavar="MODEL FOLDER",
-        help="a model that `ciir models` lists, or the .json of an exported network; then folders of *_LR.png and "
-        "*_HR.png pairs, or of any pictures with --degradation. With --light-field: no folder and any number of models "
-        f"(default {LIGHT_FIELD_DEFAULT}). With --truth: results",
+        help="models that `ciir models` lists, or the .json of exported networks; then folders of *_LR.png and "
+        "*_HR.png pairs, or of any pictures with --degradation. With --light-field: only models (default "
+        f"{LIGHT_FIELD_DEFAULT}). With --truth: results",
     )
     command.add_argument(
         "--truth",
@@ -249,6 +249,12 @@ def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command.add_argument("--weights", metavar="FILE", help="weights that spandrel supports, instead of a checkpoint")
     command.add_argument("--name", metavar="NAME", help="the network's name (default: from the recipe or the file)")
     command.add_argument("--on", nargs="*", default=[], metavar="FOLDER", help="test sets whose scores go on the card")
+    command.add_argument(
+        "--degradation",
+        choices=("bicubic", "box", "point"),
+        default="",
+        help="how LR is made from the pictures of --on (default: from *_LR.png; of views in all three ways)",
+    )
 
 
 def _advise(word: str, known: Sequence[str]) -> str:

@@ -94,6 +94,18 @@ def test_every_field_is_documented(name):
     assert any(f"`{name}`" in line.split("|")[1] for line in table.splitlines() if line.startswith("| `"))
 
 
+def test_paths_on_cards_are_short():
+    given = {"name": "a", "train": "/home/me/VOC2012", "validate": "../set", "initial": "/home/me/runs/a/checkpoint.pt"}
+    given |= {"vgg": "", "meshes": ["/b.obj", "c/d/e.obj"], "averaged": ["runs/x/checkpoint.pt"], "steps": 3}
+    assert recipes.shorten_paths(given) == given | {
+        "train": "VOC2012",
+        "validate": "set",
+        "initial": "a/checkpoint.pt",
+        "meshes": ["b.obj", "d/e.obj"],
+        "averaged": ["x/checkpoint.pt"],
+    }
+
+
 def list_runs(folder):
     """The recipes whose runs a checkpoint's folder comes from: one, or those whose mean a recipe's comment makes."""
     comments = " ".join(path.read_text(encoding="utf-8") for path in SHIPPED).replace("\\\n#", " ")

@@ -18,23 +18,27 @@ from ciir.training.data.downscale import downscale_picture
 from ciir.training.evaluation.metrics import average, compute_psnr, compute_ssim, convert_to_luma
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from ciir.models.upscaler import Upscaler
     from ciir.training.data.pictures import Picture
 
 PROTOCOL = (
     "Mean over the pictures of PSNR (dB) and SSIM of Y (ITU-R BT.601, studio range, not rounded, of 8-bit RGB; grey "
-    "pictures are their own Y) after the output is rounded to 8 bits and a border of `scale` pixels is cut. LR: "
-    "MATLAB's bicubic imresize, as supplied by SelfExSR. SSIM: Wang et al. 2004, 11x11 Gaussian window of sigma 1.5, "
-    "valid region, K 0.01 and 0.03, L 255."
+    "pictures are their own Y) after the output is rounded to 8 bits and a border of `scale` pixels is cut. LR: {low}. "
+    "SSIM: Wang et al. 2004, 11x11 Gaussian window of sigma 1.5, valid region, K 0.01 and 0.03, L 255."
 )
+PUBLISHED = frozenset({"Set5", "Set14", "BSD100", "Urban100"})
+"""The names of SelfExSR's folders."""
 
 
-def describe_protocol(degradation: str = "") -> str:
-    """Returns `PROTOCOL`, changed for LR pictures that are made here if there is a `degradation`."""
+def describe_protocol(folders: Iterable[Path], degradation: str = "") -> str:
+    """Describes how the pictures of `folders` are scored, with LR made by `degradation`, or if it is empty as given."""
+    if degradation:
+        return PROTOCOL.format(low=f"{degradation}, to 8 bits")
+    is_published = {folder.resolve().name for folder in folders} <= PUBLISHED
     supplied = "MATLAB's bicubic imresize, as supplied by SelfExSR"
-    return PROTOCOL.replace(supplied, f"{degradation}, to 8 bits") if degradation else PROTOCOL
+    return PROTOCOL.format(low=supplied if is_published else "as given in the folder")
 
 
 class Measured(NamedTuple):
@@ -53,7 +57,8 @@ def score(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Accurac
 
 
 def measure(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Measured:
-    """Returns Y-PSNR and SSIM of each picture of `folder`, and their means, named after it. See `PROTOCOL`.
+    """Returns Y-PSNR and SSIM of each picture of `folder`, and their means, named after it. See
+    `describe_protocol`.
 
     Without a `degradation` the mean is over the folder's `*_LR.png` and `*_HR.png` pairs. With `bicubic`, `box` or
     `point` it is over its `*_HR.png`, or if there are none over all its pictures (see
@@ -80,11 +85,6 @@ def measure(upscaler: Upscaler, folder: Path, *, degradation: str = "") -> Measu
     name = folder.resolve().name  # that of `.` is empty
     data = f"{name} ({degradation})" if degradation else name
     return Measured(average(data, scores), scores)
-
-
-def evaluate(model: str, folder: Path, *, scale: int = 2, degradation: str = "") -> Measured:
-    """Measures a model that is named as for `load_model`. Raises the errors of `load_model` and `measure`."""
-    return measure(load_model(model, scale=scale), folder, degradation=degradation)
 
 
 def load_model(model: str, *, scale: int = 2) -> Upscaler:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import itertools
-import re
+import shlex
 import sys
 import tempfile
 from pathlib import Path
@@ -31,12 +31,8 @@ from ciir.training.networks import make_network
 from ciir.training.networks.batch_norm import fold_batch_norm
 from ciir.training.networks.collapsible import collapse
 from ciir.training.networks.interpolation import separate
-from ciir.training.networks.light_field import (
-    LightFieldGenerator,
-    WithUncertainty,
-    fold_factors,
-    merge_layers,
-)
+from ciir.training.networks.light_field import LightFieldGenerator, WithUncertainty, fold_factors, merge_layers
+from ciir.training.recipe import check_name, shorten_paths
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -63,21 +59,30 @@ INT8 = "-int8"
 """The suffix of the name of an int8 twin."""
 
 
-def export_network(checkpoint: Path, out: Path, *, name: str = "", accuracy_on: Sequence[Path] = ()) -> Path:
+def export_network(
+    checkpoint: Path, out: Path, *, name: str = "", accuracy_on: Sequence[Path] = (), degradation: str = ""
+) -> Path:
     """Writes `NAME.onnx` and `NAME.json` into `out` and returns the card's path. NAME is `name` or the recipe's name.
 
     `checkpoint`: from `training.loop.train.train`. `accuracy_on`: folders of `*_LR.png` and `*_HR.png` pairs, or of
     views for a light-field network. Their scores (`training.evaluation.pictures`, `training.evaluation.light_fields`)
-    go on the card.
+    go on the card. `degradation`: one of `KINDS` by which LR is made; if empty, LR pictures are those of the pairs, and
+    views are degraded in each way of `KINDS`.
 
     Raises `ValueError` if the exported network differs from torch by more than `TOLERANCE`.
     """
     weights, card = convert_checkpoint(checkpoint, name)
-    return write_network(weights, card, out, accuracy_on=accuracy_on)
+    return write_network(weights, card, out, accuracy_on=accuracy_on, degradation=degradation)
 
 
 def export_int8(
-    checkpoint: Path, out: Path, *, calibrate: Sequence[Path], name: str = "", accuracy_on: Sequence[Path] = ()
+    checkpoint: Path,
+    out: Path,
+    *,
+    calibrate: Sequence[Path],
+    name: str = "",
+    accuracy_on: Sequence[Path] = (),
+    degradation: str = "",
 ) -> Path:
     """Exports the network's int8 twin, `NAME-int8`, like `export_network`. `calibrate`: folders of pictures, see
     `training.export.calibration`.
@@ -92,7 +97,7 @@ def export_int8(
     else:
         pairs = calibration.make_picture_examples(calibrate, card.scale)
     weights, kept = quantise.quantise_network(weights, pairs)
-    how = {"calibrate": [folder.as_posix() for folder in calibrate], "float_layers": kept}
+    how = {"calibrate": [folder.resolve().name for folder in calibrate], "float_layers": kept}
     twin = dataclasses.replace(
         card,
         name=card.name + INT8,
@@ -100,7 +105,7 @@ def export_int8(
         float_twin=card.name,
         training=dataclasses.replace(card.training, recipe=card.training.recipe | {"int8": how}),
     )
-    return write_network(weights, twin, out, accuracy_on=accuracy_on)
+    return write_network(weights, twin, out, accuracy_on=accuracy_on, degradation=degradation)
 
 
 def convert_checkpoint(checkpoint: Path, name: str = "") -> tuple[bytes, cards.Card]:
@@ -126,15 +131,9 @@ def convert_checkpoint(checkpoint: Path, name: str = "") -> tuple[bytes, cards.C
         scale=int(recipe["scale"]),
         radius=measure.find_tile_overlap(network, int(recipe["scale"]), sizes) if radius is None else radius,
         sizes=sizes,
-        training=cards.Training(recipe, state["commit"], state["step"], recipe["seed"]),
+        training=cards.Training(shorten_paths(recipe), state["commit"], state["step"], recipe["seed"]),
     )
     return weights, card
-
-
-def check_name(name: str) -> None:
-    """Raises `ValueError` if `name` is not a valid file name."""
-    if not re.fullmatch(r"[\w.+-]+", name):
-        raise ValueError(f"name: {name!r}: give one of letters, digits, '.', '_', '+' and '-'")
 
 
 def make_card(
@@ -161,7 +160,7 @@ def make_card(
         parameters=measure.count_parameters(network),
         macs_per_output_pixel=measure.count_macs(network, sizes),
         training=training,
-        protocol=light_fields.PROTOCOL if inputs[1:] else pictures.PROTOCOL,
+        protocol="",
         command="",
         accuracy=(),
         sizes=sizes,
@@ -170,12 +169,22 @@ def make_card(
     )
 
 
-def write_network(weights: bytes, card: cards.Card, out: Path, *, accuracy_on: Sequence[Path] = ()) -> Path:
+def write_network(
+    weights: bytes, card: cards.Card, out: Path, *, accuracy_on: Sequence[Path] = (), degradation: str = ""
+) -> Path:
     """Writes a network and its card, with hash and accuracy, into `out`. If there is an error, neither is written.
+    `accuracy_on`, `degradation`: as for `export_network`.
 
     Raises `ValueError` if a folder of `accuracy_on` can't be scored on, or this processor can't run the network.
     """
-    card = dataclasses.replace(card, sha256=hashlib.sha256(weights).hexdigest(), command=_command(card, accuracy_on))
+    card = dataclasses.replace(card, sha256=hashlib.sha256(weights).hexdigest())
+    if accuracy_on:
+        protocol = pictures.describe_protocol(accuracy_on, degradation)
+        card = dataclasses.replace(
+            card,
+            protocol=light_fields.PROTOCOL if card.is_light_field else protocol,
+            command=_command(card, accuracy_on, degradation),
+        )
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=out) as folder:
         path = Path(folder) / f"{card.name}.json"
@@ -183,27 +192,31 @@ def write_network(weights: bytes, card: cards.Card, out: Path, *, accuracy_on: S
         network_path.write_bytes(weights)
         cards.write_card(card, path)
         if accuracy_on:
-            cards.write_card(dataclasses.replace(card, accuracy=_scores(path, accuracy_on)), path)
+            cards.write_card(dataclasses.replace(card, accuracy=_scores(path, accuracy_on, degradation)), path)
         network_path.replace(out / network_path.name)
         return path.replace(out / path.name)
 
 
-def _command(card: cards.Card, folders: Sequence[Path]) -> str:
-    """Returns the commands that print the scores of `_scores`, in order."""
-    names = [folder.as_posix() for folder in folders]
+def _command(card: cards.Card, folders: Sequence[Path], degradation: str) -> str:
+    """Returns the commands that print the scores of `_scores`, in order. Of absolute paths only the names are shown,
+    because cards are published.
+    """
+    names = [shlex.quote(folder.name if folder.is_absolute() else folder.as_posix()) for folder in folders]
     if not card.is_light_field:
-        return " ".join(["ciir evaluate", card.name, *names])
-    tries = itertools.product(names, KINDS)
+        words = [f"--degradation {degradation}"] if degradation else []
+        words += [f"--scale {card.scale}"] if card.scale != 2 else []
+        return " ".join(["ciir evaluate", card.name, *names, *words])
+    tries = itertools.product(names, [degradation] if degradation else KINDS)
     return "; ".join(f"ciir evaluate {card.name} --light-field {name} --degradation {kind}" for name, kind in tries)
 
 
-def _scores(path: Path, folders: Sequence[Path]) -> tuple[cards.Accuracy, ...]:
-    """Scores a network on each folder; a light-field network with each degradation."""
+def _scores(path: Path, folders: Sequence[Path], degradation: str) -> tuple[cards.Accuracy, ...]:
+    """Scores a network on each folder; a light-field network with `degradation`, or with each of `KINDS`."""
     if not cards.read_card(path).is_light_field:
         upscaler = SingleImageNetwork(path, emulates_int8=True)
-        return tuple(pictures.score(upscaler, folder) for folder in folders)
+        return tuple(pictures.score(upscaler, folder, degradation=degradation) for folder in folders)
     network = LightFieldNetwork(path, emulates_int8=True)
-    tries = itertools.product(folders, KINDS)
+    tries = itertools.product(folders, [degradation] if degradation else KINDS)
     return tuple(light_fields.measure(network, folder, degradation=kind).mean for folder, kind in tries)
 
 

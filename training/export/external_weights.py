@@ -19,6 +19,7 @@ from ciir.models import cards
 from ciir.models.cards import Sizes
 from ciir.training.export import export, measure, to_onnx
 from ciir.training.loop import checkpoints
+from ciir.training.recipe import check_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -61,16 +62,19 @@ def _do_nothing() -> None:
     """Takes the place of the folding, which has been done already."""
 
 
-def export_weights(weights: Path, out: Path, *, name: str = "", accuracy_on: Sequence[Path] = ()) -> Path:
+def export_weights(
+    weights: Path, out: Path, *, name: str = "", accuracy_on: Sequence[Path] = (), degradation: str = ""
+) -> Path:
     """Writes `NAME.onnx` and `NAME.json` into `out` and returns the card's path. NAME is the file's stem if not given.
 
-    `weights`: a file with one of `SUFFIXES`; nothing in it is executed. `accuracy_on`: as for `export.export_network`.
+    `weights`: a file with one of `SUFFIXES`; nothing in it is executed. `accuracy_on`, `degradation`: as for
+    `export.export_network`.
 
     Raises `ValueError` if the file can't be read, holds no network for upscaling RGB that spandrel knows, or the
     network can't be exported with free sizes or used in tiles.
     """
     name = name or weights.stem
-    export.check_name(name)
+    check_name(name)
     descriptor = _load_descriptor(weights)
     network, sizes = ExternalNetwork(descriptor).eval(), _convert_sizes(descriptor.size_requirements)
     _check_call(network, descriptor, sizes)
@@ -85,7 +89,7 @@ def export_weights(weights: Path, out: Path, *, name: str = "", accuracy_on: Seq
         sizes=sizes,
         training=cards.Training(_describe_file(weights), "unknown", 0, 0),
     )
-    return export.write_network(made, card, out, accuracy_on=accuracy_on)
+    return export.write_network(made, card, out, accuracy_on=accuracy_on, degradation=degradation)
 
 
 def _describe_file(weights: Path) -> dict[str, Any]:

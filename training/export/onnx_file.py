@@ -14,9 +14,9 @@ from ciir.cores import count_available_cores
 from ciir.models import cards
 from ciir.models.cards import Sizes
 from ciir.models.sessions import open_session
-from ciir.training.evaluation import pictures
 from ciir.training.export import export, measure
 from ciir.training.export.export import FAILURES
+from ciir.training.recipe import check_name
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -71,14 +71,16 @@ class OnnxFile:
             return ()
 
 
-def export_onnx(path: Path, out: Path, *, name: str = "", accuracy_on: Sequence[Path] = ()) -> Path:
+def export_onnx(
+    path: Path, out: Path, *, name: str = "", accuracy_on: Sequence[Path] = (), degradation: str = ""
+) -> Path:
     """Writes `NAME.onnx`, with all weights in it, and `NAME.json` into `out` and returns the card's path. NAME is the
-    file's stem if not given. `accuracy_on`: as for `export.export_network`.
+    file's stem if not given. `accuracy_on`, `degradation`: as for `export.export_network`.
 
     Raises `ValueError` if the file holds no network that upscales RGB in [0, 1] of any size, or tiles can't be used.
     """
     name = name or path.stem
-    export.check_name(name)
+    check_name(name)
     network = OnnxFile(path)
     sizes, scale = _find_sizes(network, path)
     _check_range(network, sizes, path)
@@ -96,12 +98,12 @@ def export_onnx(path: Path, out: Path, *, name: str = "", accuracy_on: Sequence[
         parameters=max(1, sum(math.prod(each.dims) for each in network.model.graph.initializer)),
         macs_per_output_pixel=_count_macs(network, scale, sizes),
         training=cards.Training({"onnx": path.name, "sha256": _hash(path)}, "unknown", 0, 0),
-        protocol=pictures.PROTOCOL,
+        protocol="",
         command="",
         accuracy=(),
         sizes=sizes,
     )
-    return export.write_network(network.weights, card, out, accuracy_on=accuracy_on)
+    return export.write_network(network.weights, card, out, accuracy_on=accuracy_on, degradation=degradation)
 
 
 def _read_model(path: Path) -> onnx.ModelProto:

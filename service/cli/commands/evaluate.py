@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ from ciir.renderer.writers.atomic_write import place_for_file, replacing
 from ciir.renderer.writers.writer import report_json
 from ciir.service.cli import common
 from ciir.service.cli.picture_arguments import READING_VIEWS
-from ciir.service.pipeline.options import Options, read_pair
+from ciir.service.pipeline.options import AUTO, Options, read_pair
 from ciir.service.pipeline.source import make_layout
 
 if TYPE_CHECKING:
@@ -53,31 +54,34 @@ def _refuse(given: Sequence[str], partner: str) -> None:
 
 
 def _evaluate_pictures(args: argparse.Namespace, options: Options) -> None:
-    names = list(args.words)
-    if len(names) < 2:
+    known = {AUTO, *list_names()}
+    count = next((n for n, word in enumerate(args.words) if n and not (word in known or word.endswith(".json"))), None)
+    if count is None:
         raise InvalidOption(
-            "evaluate: give a MODEL and FOLDERs of pictures, --light-field INPUT, or --truth INPUT and RESULTs; see "
+            "evaluate: give MODELs and FOLDERs of pictures, --light-field INPUT, or --truth INPUT and RESULTs; see "
             "ciir evaluate --help"
         )
-    for name in names[1:]:
+    models, names = args.words[:count], args.words[count:]
+    for name in names:
         if Path(name).is_file():
             raise InvalidOption(
                 f"{name}: a file, but a folder of pictures is needed; for a light field give --light-field {name}"
             )
-    from ciir.training.evaluation.pictures import describe_protocol, evaluate
+    from ciir.training.evaluation.pictures import describe_protocol, load_model, measure
 
+    folders = common.find_folders(names, what="pictures, after the names of models that `ciir models` lists")
+    upscalers = [load_model(model, scale=options.scale) for model in models]
     entries: list[dict[str, Any]] = []
-    for folder in common.find_folders(names[1:]):
+    for (model, upscaler), folder in itertools.product(zip(models, upscalers, strict=True), folders):
         try:
-            found = evaluate(names[0], folder, scale=options.scale, degradation=args.degradation)
+            found = measure(upscaler, folder, degradation=args.degradation)
         except ValueError as error:
             raise InvalidOption(str(error)) from error
-        _show_score(f"{names[0]} on {found.mean.data}", found.mean, "pictures")
+        _show_score(f"{model} on {found.mean.data}", found.mean, "pictures")
         entries.append(
-            _describe_model(names[0], found.mean, args.degradation or None)
-            | {"pictures": _list_pictures(found.pictures)}
+            _describe_model(model, found.mean, args.degradation or None) | {"pictures": _list_pictures(found.pictures)}
         )
-    _write_scores(describe_protocol(args.degradation), options.scale, entries, args.json)
+    _write_scores(describe_protocol(folders, args.degradation), options.scale, entries, args.json)
 
 
 def _evaluate_views(args: argparse.Namespace, options: Options) -> None:
@@ -154,7 +158,6 @@ def _show_score(what: str, score: Accuracy, counted: str, more: str = "") -> Non
     counted = counted if score.pictures != 1 else counted.removesuffix("s")
     over = f" over {score.pictures} {counted}" if score.pictures > 1 or counted != "view" else ""
     common.print_line(f"{what}: PSNR {score.psnr:.2f} dB, SSIM {score.ssim:.4f} on Y{over}{more}")
-
 
 
 def _describe_fallback(found: Measured) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ciir.errors import InvalidOption
 from ciir.service.cli import common, output_path
@@ -52,8 +52,8 @@ def _export(args: argparse.Namespace) -> None:
         what = "the weights" if args.weights else "the checkpoint.pt that `ciir train` wrote"
         raise InvalidOption(f"{source}: no such file; give {what}")
     to = output_path.resolve_folder(args.out, what="a network and its card")
-    name = args.name or ""
     folders, calibrate = common.find_folders(args.on), common.find_folders(args.calibrate, what="pictures")
+    given: dict[str, Any] = {"name": args.name or "", "accuracy_on": folders, "degradation": args.degradation}
     from ciir.training.export import export
 
     common.print_line(f"exporting {source}: half a minute, and longer with --int8 or --on")
@@ -61,15 +61,15 @@ def _export(args: argparse.Namespace) -> None:
         if source.suffix.lower() == ".onnx":
             from ciir.training.export.onnx_file import export_onnx
 
-            card = export_onnx(source, to, name=name, accuracy_on=folders)
+            card = export_onnx(source, to, **given)
         elif args.weights:
             from ciir.training.export.external_weights import export_weights
 
-            card = export_weights(source, to, name=name, accuracy_on=folders)
+            card = export_weights(source, to, **given)
         elif args.int8:
-            card = export.export_int8(source, to, calibrate=calibrate, name=name, accuracy_on=folders)
+            card = export.export_int8(source, to, calibrate=calibrate, **given)
         else:
-            card = export.export_network(source, to, name=name, accuracy_on=folders)
+            card = export.export_network(source, to, **given)
     except ValueError as error:
         raise InvalidOption(str(error)) from error
     common.print_line(f"{card.with_suffix('.onnx')} and {card}: written")
@@ -83,5 +83,7 @@ def _check_export(args: argparse.Namespace) -> None:
         )
     if args.int8 and (args.weights or args.checkpoint.lower().endswith(".onnx")):
         raise InvalidOption("--int8: only a CHECKPOINT of `ciir train` has an int8 twin; leave it out")
+    if args.degradation and not args.on:
+        raise InvalidOption("--degradation: this goes with --on; leave it out")
     if args.int8 != bool(args.calibrate):
         raise InvalidOption("--int8 needs --calibrate with a folder of pictures, and vice versa; give both or neither")

@@ -10,7 +10,7 @@ from ciir.models import processor
 from ciir.models.catalogue import SHIPPED
 from ciir.models.single.interpolation import Nearest
 from ciir.models.single.network import SingleImageNetwork
-from ciir.training.evaluation.pictures import evaluate, load_model, score
+from ciir.training.evaluation.pictures import describe_protocol, load_model, score
 from tests.support.paths import SHARED
 
 IMAGES = SHARED / "data" / "images"
@@ -34,7 +34,7 @@ def test_bicubic_scores_what_is_published(data, psnr, ssim):
 def test_the_measured_accuracy_is_the_cards():
     (entry,) = (entry for entry in models.list_entries() if entry.name == "paper")
     (claimed,) = (score for score in entry.card.accuracy if score.data == "Set5")
-    measured = evaluate("paper", IMAGES / "Set5").mean
+    measured = score(load_model("paper"), IMAGES / "Set5")
     assert measured.psnr == pytest.approx(claimed.psnr, abs=0.01)
     assert measured.ssim == pytest.approx(claimed.ssim, abs=0.0002)
     assert measured.psnr >= 36.5
@@ -77,6 +77,14 @@ def test_pictures_of_fewer_bits_have_the_scores_of_8(tmp_path, bits, degradation
     eight, more = (score(Nearest(2), tmp_path / name, degradation=degradation) for name in ("eight", "more"))
     assert more.psnr == pytest.approx(eight.psnr, abs=0.05)
     assert more.ssim == pytest.approx(eight.ssim, abs=1e-3)
+
+
+def test_only_published_pictures_have_the_published_protocol():
+    published, own = Path("a/Set5"), Path("b/mine")
+    assert "LR: MATLAB's bicubic imresize, as supplied by SelfExSR. SSIM" in describe_protocol([published])
+    assert "LR: as given in the folder. SSIM" in describe_protocol([own])
+    assert "LR: as given in the folder. SSIM" in describe_protocol([published, own])
+    assert "LR: box, to 8 bits. SSIM" in describe_protocol([published], "box")
 
 
 def test_no_pairs(tmp_path):
@@ -152,7 +160,7 @@ def test_supplied_pairs_need_no_torch(recipe, monkeypatch):
         "import sys; from pathlib import Path;"
         "from ciir.training.evaluation import light_fields;"
         "from ciir.training.evaluation.pictures import *;"
-        f"print(evaluate('nearest', Path({recipe.validate!r})).mean.pictures, 'torch' in sys.modules)"
+        f"print(score(load_model('nearest'), Path({recipe.validate!r})).pictures, 'torch' in sys.modules)"
     )
     run = subprocess.run(  # noqa: S603 - the words are this test's own
         [sys.executable, "-c", code], check=True, capture_output=True, text=True

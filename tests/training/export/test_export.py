@@ -41,9 +41,25 @@ def test_the_card(exported, recipe):
     assert (card.name, card.scale, card.radius) == ("tiny", 2, 1 + 2 + 1 + 1)
     assert card.parameters == 3 * 8 * 9 + 8 + 4 * (8 * 8 * 9 + 8) + 8 * 3 * 9 + 3
     assert card.training.iterations == 3
-    assert card.training.recipe["train"] == recipe.train
+    assert (card.training.recipe["train"], card.training.recipe["validate"]) == ("train", "pairs")
+    assert str(Path(recipe.train).parent) not in exported.read_text()
+    assert card.command == "ciir evaluate tiny pairs"
+    assert "LR: as given in the folder" in card.protocol
     assert [score.data for score in card.accuracy] == ["pairs"]
     assert card.accuracy[0] == score(SingleImageNetwork(exported), Path(recipe.validate))
+
+
+def test_pictures_without_low_resolution_pairs_are_degraded(checkpoint, recipe, tmp_path):
+    folder = Path(recipe.train)
+    card = cards.read_card(export_network(checkpoint, tmp_path, accuracy_on=[folder], degradation="box"))
+    assert card.accuracy == (score(SingleImageNetwork(tmp_path / "tiny.json"), folder, degradation="box"),)
+    assert card.command == "ciir evaluate tiny train --degradation box"
+    assert "LR: box, to 8 bits" in card.protocol
+
+
+def test_a_card_without_scores_has_no_protocol(checkpoint, tmp_path):
+    card = cards.read_card(export_network(checkpoint, tmp_path))
+    assert (card.accuracy, card.protocol, card.command) == ((), "", "")
 
 
 def test_the_file(exported):

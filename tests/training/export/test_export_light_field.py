@@ -68,7 +68,7 @@ def test_the_card(exported, views):
     assert all(0 <= score.fallback <= 1 for score in card.accuracy)
     assert [score.data for score in card.accuracy] == [f"{views.name} 5x5 ({kind})" for kind in KINDS]
     commands = card.command.split("; ")
-    assert commands[0] == f"ciir evaluate near --light-field {views.as_posix()} --degradation bicubic"
+    assert commands[0] == f"ciir evaluate near --light-field {views.name} --degradation bicubic"
     assert len(commands) == len(card.accuracy)
 
 
@@ -167,7 +167,7 @@ def test_int8(checkpoint, exported, views, tmp_path, monkeypatch):
     assert (card.name, card.precision, card.float_twin) == ("near-int8", "int8", "near")
     assert (card.extra_inputs, card.radius) == (twin.extra_inputs, twin.radius)
     assert card.parameters == twin.parameters
-    assert card.training.recipe["int8"] == {"calibrate": [views.as_posix()], "float_layers": []}
+    assert card.training.recipe["int8"] == {"calibrate": [views.name], "float_layers": []}
     for ours, theirs in zip(card.accuracy, twin.accuracy, strict=True):
         assert ours.psnr == pytest.approx(theirs.psnr, abs=0.2)
     random = np.random.default_rng(2)

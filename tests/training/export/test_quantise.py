@@ -291,7 +291,7 @@ def test_from_checkpoint_to_card(recipe, pairs, tmp_path):
     assert sorted(file.name for file in path.parent.iterdir()) == ["tiny-int8.json", "tiny-int8.onnx"]
     card = cards.read_card(path)
     assert (card.name, card.precision, card.float_twin) == ("tiny-int8", "int8", "tiny")
-    assert card.training.recipe["int8"] == {"calibrate": [folders[0].as_posix()], "float_layers": []}
+    assert card.training.recipe["int8"] == {"calibrate": [folders[0].name], "float_layers": []}
     assert (card.parameters, card.radius) == (9 * (3 * 8 + 8 * 12) + 8 + 12, 2)
     assert [score.data for score in card.accuracy] == ["pairs"]
     images = pairs[0].inputs["image"]

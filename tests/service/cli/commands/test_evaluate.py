@@ -36,6 +36,23 @@ def test_evaluate(tmp_path, capsys):
     assert "_LR.png" in fails(capsys, "evaluate", "nearest", Path(__file__).parent)
 
 
+def test_evaluate_several_models(tmp_path, capsys):
+    pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "a.png").write_bytes(encode(np.full((16, 16, 3), 90, np.uint8), ".png"))
+    folders, json_file = [str(tmp_path / name) for name in ("one", "two")], tmp_path / "s.json"
+    assert main(["evaluate", "nearest", "bicubic", *folders, "--degradation", "box", "--json", str(json_file)]) == 0
+    tries = [(model, f"{name} (box)") for model in ("nearest", "bicubic") for name in ("one", "two")]
+    assert [line.partition(": ")[0] for line in capsys.readouterr().out.splitlines()] == [
+        f"{model} on {data}" for model, data in tries
+    ]
+    scores = json.loads(json_file.read_text())["scores"]
+    assert [(score["model"], score["data"]) for score in scores] == tries
+    assert "give MODELs and FOLDERs" in fails(capsys, "evaluate", "nearest", "bicubic")
+    assert "qualty: no such folder" in fails(capsys, "evaluate", "nearest", "qualty", *folders)
+
+
 def test_evaluate_names_the_current_folder(tmp_path, capsys, monkeypatch):
     pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
     (tmp_path / "a.png").write_bytes(encode(np.full((16, 16, 3), 90, np.uint8), ".png"))
