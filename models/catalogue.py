@@ -187,6 +187,9 @@ def advise_export(name: str) -> str:
         return f"; {stem}.onnx has no card {stem}.json next to it: write both with `ciir export {stem}.onnx -o DIR`"
     if not name.endswith(FILES) or stem in list_names():
         return ""
+    if name.endswith(".json"):  # not looked for, because over HTTP this would reveal which files there are
+        card = Path(name)
+        return f"; for a network that `ciir export` wrote, set {MODEL_FOLDER}={card.parent} and give {card.stem}"
     return f"; to add your own network, run `ciir export {stem}.onnx -o DIR` with a folder for {MODEL_FOLDER}"
 
 

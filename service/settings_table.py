@@ -31,7 +31,8 @@ Environment variables of `ciir serve` and `ciir worker`. `ciir serve --show-sett
   also hold for the other commands and for Python; an input over one is refused with a line that names the variable.
 - The cache folder is `{cache_folder.NAME}`, else `ciir` in `XDG_CACHE_HOME`, else `~/.cache/ciir`. All commands use it.
 - `{MODEL_FOLDER}` names a folder with further networks: `.onnx` files with their cards, as written by `ciir export`.
-  `ciir models` lists them, and all commands, the API and Python accept their names.
+  `ciir models` lists them, and all commands, the API and Python accept their names. A process reads the folder once:
+  restart `ciir serve` and `ciir worker` after a network was added or changed.
 
 This page is generated: `python -m ciir.service.settings_table > docs/settings.md`.
 

@@ -8,6 +8,7 @@ import re
 import tomllib
 from dataclasses import MISSING, asdict, dataclass, field, fields
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, get_origin, get_type_hints
 
 if TYPE_CHECKING:
@@ -18,6 +19,8 @@ CHANGEABLE = frozenset({"validate", "validate_every", "device", "initial", "vgg"
 """Fields that may change when a run is resumed, because none of them changes what is learnt."""
 
 
+OVERRIDES = ("name", "train", "validate", "initial", "vgg", "steps", "device")
+"""Fields that are also options of `ciir train`."""
 FOLDERS, FILES = frozenset({"train", "validate", "labelled"}), frozenset({"initial", "vgg", "meshes", "averaged"})
 """Fields that hold the paths of folders and of files. `averaged` is added by `training.export.average`."""
 
@@ -117,6 +120,7 @@ class Recipe:
     """Number of steps between checkpoints, each with a validation."""
 
     def __post_init__(self) -> None:
+        check_name(self.name)
         for name in ("steps", "scale", "crop", "batch", "validate_every"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} is {getattr(self, name)}; give 1 or more")
@@ -146,10 +150,13 @@ class Recipe:
             raise ValueError(f"device is {self.device!r}; give one of {', '.join(DEVICES)}")
 
 
-def read_recipe(path: Path) -> Recipe:
-    """Reads the recipe in `path`. Raises `ValueError` if it is not TOML, or if a key or a value is wrong."""
+def read_recipe(path: Path, given: Mapping[str, Any] = MappingProxyType({})) -> Recipe:
+    """Reads the recipe in `path`. `given`: fields that replace those of the file.
+
+    Raises `ValueError` if it is not TOML, or if a key is wrong or missing, or a value is wrong.
+    """
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise ValueError(f"{path}: no such file; give a recipe, as in training/recipes") from error
     except ValueError as error:
@@ -159,6 +166,11 @@ def read_recipe(path: Path) -> Recipe:
     if unknown:
         near = difflib.get_close_matches(unknown[0], known, 1) or sorted(known)
         raise ValueError(f"{path}: unknown key {unknown[0]!r}; give {', '.join(near)}, or remove it")
+    table |= given
+    missing = [f.name for f in fields(Recipe) if f.default is f.default_factory and f.name not in table]
+    if missing:
+        option = f", or give --{missing[0]}" if missing[0] in OVERRIDES else ""
+        raise ValueError(f"{path}: {missing[0]} is missing; add it to the recipe{option}")
     for name, kind in get_type_hints(Recipe).items():
         wanted = get_origin(kind) or kind
         value = table.get(name, wanted())
@@ -169,7 +181,7 @@ def read_recipe(path: Path) -> Recipe:
             raise ValueError(f"{path}: {name} is {value!r}; give {TYPE_NAMES[wanted]}")
     try:
         return Recipe(**table)
-    except (TypeError, ValueError) as error:
+    except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
 
 

@@ -47,8 +47,10 @@ def test_networks_of_ones_own(tmp_path, monkeypatch):
     assert models.load_upscaler("mine").name == "mine"
     monkeypatch.setenv("CIIR_MODELS", "")
     assert models.list_names() == before
-    with pytest.raises(UnknownModel, match="CIIR_MODELS"):
+    with pytest.raises(UnknownModel, match=r"that `ciir export` wrote, set CIIR_MODELS=own and give mine$"):
         models.load_upscaler("own/mine.json")
+    with pytest.raises(UnknownModel, match=r"run `ciir export own/mine.onnx -o DIR` with a folder for CIIR_MODELS$"):
+        models.load_upscaler("own/mine.onnx")
     with pytest.raises(UnknownModel, match="no 'mine' here"):  # although it was loaded before
         models.load_upscaler("mine")
 

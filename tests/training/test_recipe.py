@@ -38,7 +38,9 @@ def test_defaults(smallest):
     ("text", "message"),
     [
         (SMALLEST + "stepz = 3\n", "unknown key 'stepz'; give steps, "),
-        (SMALLEST.replace("steps = 5\n", ""), "'steps'"),
+        (SMALLEST.replace("steps = 5\n", ""), "steps is missing; add it to the recipe, or give --steps"),
+        (SMALLEST.replace('network = "lite"\n', ""), "network is missing; add it to the recipe$"),
+        (SMALLEST.replace('"a"', '"my net"'), "name: 'my net': give one of letters"),
         ("steps = ", "a.toml"),
         (SMALLEST.replace("steps = 5", 'steps = "x"'), "steps is 'x'; give a whole number"),
         (SMALLEST.replace("steps = 5", "steps = true"), "steps is True"),
@@ -66,6 +68,15 @@ def test_a_bad_recipe_is_refused_in_one_line(tmp_path, text, message):
         recipes.read_recipe(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_given_fields_replace_or_fill_those_of_the_file(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text(SMALLEST.replace('train = "t"\n', ""))
+    read = recipes.read_recipe(path, {"train": "here", "steps": 7})
+    assert (read.train, read.steps, read.validate) == ("here", 7, "v")
+    with pytest.raises(ValueError, match="train is missing"):
+        recipes.read_recipe(path, {"steps": 7})
 
 
 def test_the_field_in_which_recipes_differ(smallest):

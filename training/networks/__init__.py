@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from typing import TYPE_CHECKING, Any
 
 from ciir.training.networks.compact import CompactGenerator
@@ -38,13 +39,23 @@ NETWORKS: dict[str, Callable[..., nn.Module]] = {
 
 
 def make_network(name: str, options: dict[str, Any]) -> nn.Module:
-    """Makes the network of a recipe with random weights. Raises `ValueError` for an unknown name or option."""
+    """Makes the network of a recipe with random weights. Raises `ValueError` for an unknown name or option, or a
+    value that can't be used.
+    """
     if name not in NETWORKS:
         raise ValueError(f"network: {name!r} is not known; give one of {', '.join(NETWORKS)}")
+    known = inspect.signature(NETWORKS[name]).parameters
+    unknown = next((option for option in options if option not in known), None)
+    if unknown is not None:
+        raise ValueError(f"options: {name} has no {unknown!r}; give {', '.join(known)}")
     try:
         return NETWORKS[name](**options)
-    except TypeError as error:
-        raise ValueError(f"options: {name} doesn't take {options} ({error})") from error
+    except (TypeError, RuntimeError, LookupError, ArithmeticError) as error:  # Python's and torch's, for odd values
+        values = ", ".join(f"{option} = {options[option]!r}" for option in options)
+        usual = ", ".join(f"{option} = {known[option].default!r}" for option in options)
+        raise ValueError(
+            f"options: {name} can't be made with {values}; give values like the default, {usual}"
+        ) from error
 
 
 __all__ = ["NETWORKS", "CompactGenerator", "LiteGenerator", "make_network"]

@@ -63,8 +63,12 @@ class LightFieldGenerator(nn.Module):
     ) -> None:
         """`widths`, `slope`, `guard`: options of the single-picture generator. `width`, `depth`: channels, and layers
         after the first, of the part that chooses a plane. Its last layer has 5 channels fewer, which are those of the
-        selected plane. `planes`: the number of disparities that are tried.
+        selected plane. `planes`: the number of disparities that are tried. Raises `ValueError` for too few.
         """
+        if planes < 2 or depth < 1:
+            raise ValueError(
+                f"options: {planes} planes and a depth of {depth}; give at least 2 planes and a depth of 1"
+            )
         super().__init__()
         self.scale = 2
         self.single = CompactGenerator(widths, self.scale, slope, guard=guard)

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ciir.errors import InvalidOption
 from ciir.service.cli import common, output_path
 from ciir.service.errors import join_lines
+from ciir.service.pipeline.options import AUTO
 
 if TYPE_CHECKING:
     import argparse
-
-OVERRIDES = ("name", "train", "validate", "initial", "vgg", "steps", "device")
-"""Fields of a recipe that can also be given as options."""
 
 
 def run(args: argparse.Namespace) -> None:
@@ -26,12 +23,14 @@ def run(args: argparse.Namespace) -> None:
 def _train(args: argparse.Namespace) -> None:
     from ciir.training import recipe
 
-    given = {name: value for name in OVERRIDES if (value := getattr(args, name)) is not None}
+    given = {name: value for name in recipe.OVERRIDES if (value := getattr(args, name)) is not None}
     try:
-        read = replace(recipe.read_recipe(Path(args.recipe)), **given)
+        read = recipe.read_recipe(Path(args.recipe), given)
     except ValueError as error:
         raise InvalidOption(str(error)) from error
     to = output_path.resolve_folder(args.out, what="a run")
+    if not any(to.glob("checkpoint.pt")):
+        _check_name(read.name)
     from ciir.training.loop.interrupt import Stopped
     from ciir.training.loop.train import train
 
@@ -43,6 +42,14 @@ def _train(args: argparse.Namespace) -> None:
         print(f"ciir: {join_lines(str(stop))}", file=sys.stderr)
         raise SystemExit(128 + stop.number) from None  # as shells report a signal
     common.print_line(f"{checkpoint}: done; next: ciir export {checkpoint} -o DIR")
+
+
+def _check_name(name: str) -> None:
+    """Raises `InvalidOption` if `name` is that of a model which `CIIR_MODELS` can't replace."""
+    from ciir.models import catalogue
+
+    if name in {AUTO, *catalogue.BASELINES} or (catalogue.SHIPPED / f"{name}.json").is_file():
+        raise InvalidOption(f"name: {name!r} is the name of another model; give one of your own with --name")
 
 
 def _export(args: argparse.Namespace) -> None:

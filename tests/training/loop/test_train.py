@@ -9,7 +9,6 @@ torch = pytest.importorskip("torch", reason="needs the training extra")
 
 from PIL import Image
 
-from ciir.service.cli.commands.training import OVERRIDES
 from ciir.service.cli.main import main
 from ciir.service.cli.parser import parse_arguments
 from ciir.training.data.crops import Crops
@@ -17,7 +16,7 @@ from ciir.training.data.light_field.crops import LightFieldCrops
 from ciir.training.data.light_field.textures import TEXTURE
 from ciir.training.loop import logs, train
 from ciir.training.loop.interrupt import Stopped
-from ciir.training.recipe import Recipe
+from ciir.training.recipe import OVERRIDES, Recipe
 
 STEPS = 5
 SMALL_FIELD = {"network": "light_field", "options": {"widths": [8, 8], "width": 8, "depth": 1, "planes": 5}}
@@ -219,6 +218,12 @@ def test_a_gradient_that_is_not_a_number_replaces_no_checkpoint(recipe, tmp_path
         ({"train": "gone"}, "gone: no such folder"),
         ({"loss": "l3"}, "'l3'"),
         ({"network": "gpt"}, "'gpt'"),
+        ({"options": {"block": 3}}, "options: lite has no 'block'; give blocks, channels, batch_norm$"),
+        (
+            {"options": {"blocks": "x"}},
+            "lite can't be made with blocks = 'x'; give values like the default, blocks = 6",
+        ),
+        (SMALL_FIELD | {"options": {"planes": 1}}, "options: 1 planes and a depth of 3; give at least 2 planes"),
         ({"scale": 4}, "scale is 4, but lite is made for 2"),
         ({"light_field": True}, 'light_field is true, but lite takes single pictures; set network = "light_field", or'),
         (SMALL_FIELD, "light_field is false, but light_field takes a window of views; set light_field = true, or"),
@@ -246,6 +251,9 @@ def test_the_command_line(recipe, tmp_path, capsys, monkeypatch):
         "channels = 8 }\ncrop = 24\nbatch = 2\nvalidate_every = 2\n"
     )
     argv = ["train", str(path), "-o", str(tmp_path / "run")]
+    for name in ("fast", "bicubic", "auto"):
+        assert main([*argv, "--name", name]) == 2
+        assert f"name: '{name}' is the name of another model; give one of your own" in capsys.readouterr().err
     assert main(argv) == 2
     assert "gone: no such folder" in capsys.readouterr().err
     argv += ["--train", recipe.train, "--validate", recipe.validate, "--steps", "4", "--device", "cpu"]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from torch import Tensor
+from tqdm import tqdm
 
 if TYPE_CHECKING:
     from ciir.training.data.pictures import Picture, Pictures
@@ -50,6 +52,9 @@ class _Large:
         self._large = [number for number, size in enumerate(pictures.sizes) if min(size) >= TEXTURE]
         if not self._large:
             raise ValueError(f"train: no picture is as large as {TEXTURE}x{TEXTURE}; name others")
+        if len(self._large) < len(pictures):
+            left_out = f"{len(pictures) - len(self._large)} of {len(pictures)} pictures are skipped"
+            tqdm.write(f"train: {left_out}: they are smaller than {TEXTURE}x{TEXTURE} pixels", file=sys.stderr)
         self.sizes = [pictures.sizes[number] for number in self._large]
         """Height and width of each."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+OPTION = r"\b(pixels|lenses) \S+x\S|\b(lens_pitch|crop|arrangement|order) "
+"""Advice to give an option that says how views lie in a file, which recipes and `ciir export` don't have."""
 LEAST = 16
 """Smallest side of a view in pixels, because its low-resolution version must be large enough to be scored."""
 
@@ -77,11 +80,11 @@ def read_light_field(
         field = inputs.read(Bundle.from_path(path), layout or Layout())
     except InputError as error:
         message = str(error).removeprefix(f"{path}: ").removeprefix(f"{shown}: ")
-        problem, _, remedy = message.rpartition("; ")
-        if layout is None and remedy.startswith("give pixels "):  # recipes and exports have no such option
-            message = (
-                f"{problem}; name them view_VV_UU.png by row and column, or remove the pictures that are not views"
-            )
+        problem, _, advice = message.partition("; ")
+        if layout is None and re.search(OPTION, advice):
+            folder = "name all views view_VV_UU.png by row and column, and remove other pictures"
+            file = f"give a folder of views, which `ciir convert {shown} -o FOLDER` makes; see ciir convert --help"
+            message = f"{problem}; {folder if path.is_dir() else file}"
         raise ValueError(f"{path}: {message}") from error
     if not isinstance(field, LightField) or (field.views.shape[:2] == (1, 1) and not takes_one):
         raise ValueError(f"{path}: not a set of views; name a folder of pictures, one for each view, or a container")

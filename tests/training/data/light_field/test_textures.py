@@ -50,8 +50,9 @@ def test_parts_depend_only_on_the_generator(folder):
     assert not torch.equal(cut[0], cut[2])
 
 
-def test_small_pictures_are_skipped(tmp_path, folder):
+def test_small_pictures_are_skipped_with_a_note(tmp_path, folder, capsys):
     textures = Textures(Pictures(folder), torch.device("cpu"))
+    assert capsys.readouterr().err == "train: 1 of 4 pictures are skipped: they are smaller than 160x160 pixels\n"
     assert [picture.shape[:2] for picture in (textures.pictures[number] for number in range(3))] == [
         size for size in SIZES if min(size) >= TEXTURE
     ]

@@ -73,7 +73,7 @@ def test_names_without_a_position(tmp_path):
     """The error does not name the option `pixels`, which only reconstruction has."""
     message = refused(save(tmp_path / "a", views(1, 5), name="picture{u}x"))
     assert "5 pictures without rows and columns in their names" in message
-    assert message.endswith("name them view_VV_UU.png by row and column, or remove the pictures that are not views")
+    assert message.endswith("name all views view_VV_UU.png by row and column, and remove other pictures")
     assert "give pixels" not in message
 
 
@@ -106,7 +106,12 @@ def test_other_files(tmp_path):
     np.testing.assert_array_equal(read_views(tmp_path / "deep.npy"), pixels)
     Image.fromarray(LightField(pixels).eia()).save(tmp_path / "eia.png")
     np.testing.assert_array_equal(read_views(tmp_path / "eia.png", layout=Layout(pixels=(2, 3))), pixels)
-    assert "give the number of lenses" in refused(tmp_path / "eia.png")
+    advice = "give a folder of views, which `ciir convert eia.png -o FOLDER` makes; see ciir convert --help"
+    assert refused(tmp_path / "eia.png").endswith(f": a picture is read as an elemental image array; {advice}")
+    np.save(tmp_path / "five.npy", views(1, 5)[0])
+    assert "5 views, which is not a square number; give a folder of views" in refused(tmp_path / "five.npy")
+    given = Layout(lenses=(7, 7))
+    assert "ciir convert" not in refused(tmp_path / "eia.png", layout=given)  # the command has the options
 
 
 def test_views_too_small_or_of_an_unsupported_type(tmp_path):
