@@ -11,6 +11,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, get_origin, get_type_hints
 
+from ciir.models import catalogue
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -189,6 +191,20 @@ def check_name(name: str) -> None:
     """Raises `ValueError` if `name` is not a valid file name."""
     if not re.fullmatch(r"[\w.+-]+", name):
         raise ValueError(f"name: {name!r}: give one of letters, digits, '.', '_', '+' and '-'")
+
+
+def choose_name(given: str, own: str) -> str:
+    """Returns the name of an exported network: `given`, or if that is empty `own`, from its recipe or file.
+
+    Raises `ValueError` for one that is not a valid file name, and if `own` is the name of another model, because a
+    folder with both can't be used; `given` may be one to replace it.
+    """
+    check_name(given or own)
+    if not given and (own in catalogue.BASELINES or (catalogue.SHIPPED / f"{own}.json").is_file()):
+        raise ValueError(
+            f"name: {own!r} is the name of a model that ships; give one of your own, as in --name my-{own}"
+        )
+    return given or own
 
 
 def shorten_paths(recipe: Mapping[str, Any]) -> dict[str, Any]:

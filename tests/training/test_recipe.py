@@ -6,6 +6,7 @@ import pytest
 
 from ciir.models import catalogue
 from ciir.training import recipe as recipes
+from ciir.training.recipe import choose_name
 from tests.support.paths import ROOT
 
 SHIPPED = sorted((ROOT / "training" / "recipes").glob("*.toml"))
@@ -179,3 +180,11 @@ def test_what_ships_is_what_its_recipe_makes(name, folder):
     recipe = card.training.recipe
     averaged = recipe.get("averaged", [f"runs/{recipe['name']}/checkpoint.pt"])
     assert sorted(list_runs(folder)) == sorted(run for path in averaged for run in list_runs(Path(path).parent.name))
+
+
+@pytest.mark.parametrize("own", ["fast", "bicubic"])
+def test_an_exported_network_has_no_shipped_name_by_accident(own):
+    with pytest.raises(ValueError, match=f"'{own}' is that of a model that ships; .* --name my-{own}"):
+        choose_name("", own)
+    assert choose_name(own, "mine") == choose_name(own, own) == own
+    assert choose_name("", "mine") == "mine"

@@ -32,7 +32,7 @@ from ciir.training.networks.batch_norm import fold_batch_norm
 from ciir.training.networks.collapsible import collapse
 from ciir.training.networks.interpolation import separate
 from ciir.training.networks.light_field import LightFieldGenerator, WithUncertainty, fold_factors, merge_layers
-from ciir.training.recipe import check_name, shorten_paths
+from ciir.training.recipe import choose_name, shorten_paths
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -116,8 +116,7 @@ def convert_checkpoint(checkpoint: Path, name: str = "") -> tuple[bytes, cards.C
     """
     state = checkpoints.read_checkpoint(checkpoint)
     recipe = state["recipe"]
-    name = name or str(recipe["name"])
-    check_name(name)
+    name = choose_name(name, str(recipe["name"]))
     trained = load_network(state)
     network = simplify_network(trained)
     sizes = Sizes()

@@ -19,7 +19,7 @@ from ciir.models import cards
 from ciir.models.cards import Sizes
 from ciir.training.export import export, measure, to_onnx
 from ciir.training.loop import checkpoints
-from ciir.training.recipe import check_name
+from ciir.training.recipe import choose_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -73,8 +73,7 @@ def export_weights(
     Raises `ValueError` if the file can't be read, holds no network for upscaling RGB that spandrel knows, or the
     network can't be exported with free sizes or used in tiles.
     """
-    name = name or weights.stem
-    check_name(name)
+    name = choose_name(name, weights.stem)
     descriptor = _load_descriptor(weights)
     network, sizes = ExternalNetwork(descriptor).eval(), _convert_sizes(descriptor.size_requirements)
     _check_call(network, descriptor, sizes)

@@ -16,7 +16,7 @@ from ciir.models.cards import Sizes
 from ciir.models.sessions import open_session
 from ciir.training.export import export, measure
 from ciir.training.export.export import FAILURES
-from ciir.training.recipe import check_name
+from ciir.training.recipe import choose_name
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -79,8 +79,7 @@ def export_onnx(
 
     Raises `ValueError` if the file holds no network that upscales RGB in [0, 1] of any size, or tiles can't be used.
     """
-    name = name or path.stem
-    check_name(name)
+    name = choose_name(name, path.stem)
     network = OnnxFile(path)
     sizes, scale = _find_sizes(network, path)
     _check_range(network, sizes, path)

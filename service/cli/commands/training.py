@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from ciir.errors import InvalidOption
 from ciir.service.cli import common, output_path
 from ciir.service.errors import join_lines
-from ciir.service.pipeline.options import AUTO
 
 if TYPE_CHECKING:
     import argparse
@@ -29,8 +28,6 @@ def _train(args: argparse.Namespace) -> None:
     except ValueError as error:
         raise InvalidOption(str(error)) from error
     to = output_path.resolve_folder(args.out, what="a run")
-    if not any(to.glob("checkpoint.pt")):
-        _check_name(read.name)
     from ciir.training.loop.interrupt import Stopped
     from ciir.training.loop.train import train
 
@@ -42,14 +39,6 @@ def _train(args: argparse.Namespace) -> None:
         print(f"ciir: {join_lines(str(stop))}", file=sys.stderr)
         raise SystemExit(128 + stop.number) from None  # as shells report a signal
     common.print_line(f"{checkpoint}: done; next: ciir export {checkpoint} -o DIR")
-
-
-def _check_name(name: str) -> None:
-    """Raises `InvalidOption` if `name` is that of a model which `CIIR_MODELS` can't replace."""
-    from ciir.models import catalogue
-
-    if name in {AUTO, *catalogue.BASELINES} or (catalogue.SHIPPED / f"{name}.json").is_file():
-        raise InvalidOption(f"name: {name!r} is the name of another model; give one of your own with --name")
 
 
 def _export(args: argparse.Namespace) -> None:

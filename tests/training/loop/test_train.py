@@ -251,9 +251,6 @@ def test_the_command_line(recipe, tmp_path, capsys, monkeypatch):
         "channels = 8 }\ncrop = 24\nbatch = 2\nvalidate_every = 2\n"
     )
     argv = ["train", str(path), "-o", str(tmp_path / "run")]
-    for name in ("fast", "bicubic", "auto"):
-        assert main([*argv, "--name", name]) == 2
-        assert f"name: '{name}' is the name of another model; give one of your own" in capsys.readouterr().err
     assert main(argv) == 2
     assert "gone: no such folder" in capsys.readouterr().err
     argv += ["--train", recipe.train, "--validate", recipe.validate, "--steps", "4", "--device", "cpu"]
