@@ -80,23 +80,29 @@ def check_frame_count(count: int, limit: int) -> None:
 
 
 def check_size(
-    size: tuple[int, int], scale: int, *, count: int = 1, limit: int | None = None, what: str = "a view"
+    size: tuple[int, int],
+    scale: int,
+    *,
+    count: int = 1,
+    limit: int | None = None,
+    what: str = "a view",
+    remedy: str = "a smaller input",
 ) -> None:
     """Raises `TooLarge` if a view of `size` (rows, columns) times `scale` has too many pixels, or if `count` views
-    together have more than `limit`.
+    together have more than `limit`. `remedy`: what makes `size` smaller.
     """
     rows, cols = size[0] * scale, size[1] * scale
     if rows * cols > MAX_VIEW_PIXELS or max(rows, cols) > MAX_SIDE:
         raise TooLarge(
             f"{what}: {rows}x{cols} pixels are over the limit of {MAX_VIEW_PIXELS:,}, or of {MAX_SIDE:,} a side; "
-            "give a smaller scale or a smaller input"
+            f"give a smaller scale or {remedy}"
         )
     if limit is not None and count * rows * cols > limit:
         given = f"{what} of" if count == 1 else f"{count} views of"
         fewer = "" if count == 1 else "fewer views, "
         raise TooLarge(
             f"{given} {rows}x{cols} pixels: {count * rows * cols:,} are over the limit of {limit:,}; "
-            f"ask for {fewer}a smaller scale or a smaller input"
+            f"ask for {fewer}a smaller scale or {remedy}"
         )
 
 

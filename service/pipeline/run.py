@@ -112,7 +112,7 @@ def _reconstruct_frames(
             )
         job = replace(job, frames=len(moments))
         plan = make_plan(job)
-        check_size(job.lenses, plan.scale, count=len(moments), limit=max_pixels)
+        check_size(job.lenses, plan.scale, count=len(moments), limit=max_pixels, remedy="fewer lenses")
     turns = [find_turn(content, job.placement, single.placement) for single in each]
     extremes, windows, size = [], [], 0
     kept: list[Scene | None] = []
@@ -255,7 +255,9 @@ def _schedule(job: Job, plan: Plan, views: ViewSource, wanted: Sequence[View]) -
 
     Raises `TooLarge` if they exceed its limits.
     """
-    check_size(job.lenses, plan.scale, count=len(job.wanted) * job.frames, limit=job.max_pixels)
+    frames = len(job.wanted) * job.frames
+    remedy = "a smaller input" if job.mesh is None else "fewer lenses"
+    check_size(job.lenses, plan.scale, count=frames, limit=job.max_pixels, remedy=remedy)
     size = batch_size(job.lenses[0] * job.lenses[1] * plan.scale**2)
     batches = schedule_batches(wanted, _arrange(job, plan), size=size, is_light_field=plan.is_light_field)
     count = sum(len(batch.new) for batch in batches)

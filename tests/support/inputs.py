@@ -114,7 +114,7 @@ BAD_INPUTS = {
     "picture with a backend": ("a.png", EIA_PNG, {"lenses": "6x9", "backend": "raytrace"}, 422, ["backend"]),
     "optical mesh": ("a.off", CUBE, {"pickup": "optical"}, 422, ["pickup"]),
     "too many samples": ("a.off", CUBE, {"lenses": "4000x4000", "strategy": "direct"}, 413, ["8000x8000", "samples"]),
-    "too large a view": ("a.off", CUBE, {"lenses": "4096x4096", "model": "bicubic", "scale": "8"}, 413, ["limit"]),
+    "too large a view": ("a.off", CUBE, {"lenses": "4096x4096", "model": "bicubic", "scale": "8"}, 413, ["fewer"]),
 }
 """Description -> (file name, bytes, options, HTTP status, parts that the message's only line must contain)."""
 

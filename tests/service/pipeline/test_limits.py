@@ -27,6 +27,8 @@ def test_size_of_views():
         limits.check_size((4096, 4096), 2, what="a.png")
     with pytest.raises(TooLarge, match="a side"):
         limits.check_size((70_000, 9), 2)
+    with pytest.raises(TooLarge, match=r"give a smaller scale or fewer lenses$"):
+        limits.check_size((70_000, 9), 2, remedy="fewer lenses")
 
 
 def test_samples_of_a_view():
