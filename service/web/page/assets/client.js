@@ -1,7 +1,8 @@
 // @ts-check
 /** Requests to the HTTP API of this server, with the API key if one is set. The key is kept as long as the tab is open. */
 import { keep, read } from "./storage.js";
-import { PROBLEMS, TEXTS } from "./texts.js";
+import { PROBLEMS } from "./server_texts.js";
+import { TEXTS } from "./texts.js";
 
 const KEY = "key";
 const RETRY_MILLISECONDS = 1000;
@@ -58,15 +59,24 @@ export function describeError(error) {
 }
 
 /**
+ * @typedef {object} Sent A request.
+ * @property {string} [method]
+ * @property {Record<string, string>} [headers]
+ * @property {FormData} [body]
+ * @property {AbortSignal} [signal]
+ */
+
+/**
  * @param {string} path
- * @param {RequestInit} [init]
+ * @param {Sent} [init]
+ * @param {(path: string, init: Sent) => Promise<Response>} [send]
  * @returns {Promise<Response>} A successful response.
  * @throws {Problem}
  */
-export async function request(path, init = {}) {
+export async function request(path, init = {}, send = fetch) {
   const key = read(KEY);
   const headers = { ...init.headers, ...(key ? { "X-API-Key": encodeHeader(key) } : {}) };
-  const response = await fetch(path, { ...init, headers }).catch((error) => {
+  const response = await send(path, { ...init, headers }).catch((error) => {
     throw isEnded(error) ? error : new Problem(0);
   });
   if (response.ok) return response;
@@ -80,6 +90,30 @@ export async function request(path, init = {}) {
  */
 function encodeHeader(text) {
   return String.fromCharCode(...new TextEncoder().encode(text));
+}
+
+/**
+ * Sends a request as `fetch` does, which can't report how much of the body has been sent.
+ * @param {string} path
+ * @param {Sent} init
+ * @param {(share: number) => void} report Called with the share of the body that has been sent, from 0 to 1.
+ * @returns {Promise<Response>}
+ */
+function send(path, { method = "GET", headers = {}, body, signal }, report) {
+  return new Promise((resolve, reject) => {
+    signal?.throwIfAborted();
+    const sent = new XMLHttpRequest();
+    sent.open(method, path);
+    for (const [name, value] of Object.entries(headers)) sent.setRequestHeader(name, value);
+    sent.upload.onprogress = ({ loaded, total }) => report(loaded / total);
+    sent.onload = () => resolve(new Response(sent.response, { status: sent.status }));
+    sent.onerror = () => reject(new TypeError());
+    sent.onabort = () => reject(signal?.reason);
+    const abort = () => sent.abort();
+    signal?.addEventListener("abort", abort);
+    sent.onloadend = () => signal?.removeEventListener("abort", abort);
+    sent.send(body);
+  });
 }
 
 /**
@@ -110,9 +144,11 @@ export class Job {
    * @param {string} kind The kind of job, such as `reconstructions`.
    * @param {FormData} form
    * @param {AbortSignal} signal
+   * @param {(share: number) => void} [report] Called with the share of the form that has been sent.
    */
-  static async post(kind, form, signal) {
-    const sent = request(`/v1/${kind}`, { method: "POST", body: form, headers: { Prefer: "respond-async" }, signal });
+  static async post(kind, form, signal, report = () => {}) {
+    const init = { method: "POST", body: form, headers: { Prefer: "respond-async" }, signal };
+    const sent = request(`/v1/${kind}`, init, (path, prepared) => send(path, prepared, report));
     const response = await sent.catch(async (error) => {
       throw error instanceof Problem && error.status === 0 && !(await isReadable(form)) ? new Error(TEXTS.changed) : error;
     });

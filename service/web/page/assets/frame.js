@@ -6,7 +6,7 @@ import { decodeImage, find, make } from "./dom.js";
 import { nameResult } from "./export.js";
 import { LensGrid } from "./grid.js";
 import { describe, makeForm, nameInput, nameStem, readImage } from "./inputs.js";
-import { clearNotes, perform, run, showReport, showStatus } from "./job.js";
+import { clearNotes, perform, run, showReport } from "./job.js";
 import { readGrid } from "./lenses.js";
 import { showLightField } from "./light_field.js";
 import { addOverlays } from "./overlays.js";
@@ -105,7 +105,6 @@ async function showGrid(input, settings, isUnknown, signal) {
  * @param {AbortSignal} signal
  */
 async function findGrid(input, options, signal) {
-  showStatus(TEXTS.reading);
   return (await describe(input, signal, options)).candidates.find((each) => each.lens_grid)?.lens_grid;
 }
 
@@ -226,12 +225,14 @@ export async function showPicture(picture, what, signal) {
  */
 export async function makeFile(input, plural, fields, what, signal, isKept = true) {
   if (!input.scene && !input.file) throw new Error(SENTENCES.again(input.name));
-  const start = async () => {
-    const job = await Job.post(plural, makeForm(input, fields), signal);
+  const start = async (/** @type {(share: number) => void} */ report) => {
+    const job = await Job.post(plural, makeForm(input, fields), signal, report);
     const named = { name: nameInput(input), what, stem: nameStem(input), end: nameResult(plural, fields) };
     const made = { ...named, url: job.url, hash: location.hash, state: job.status.state };
     if (isKept) keepJob(made, fields);
     return job;
   };
-  return run(start, what, signal);
+  const made = await run(start, what, signal);
+  showReport(made.job.status);
+  return made;
 }

@@ -2,6 +2,7 @@
 /** Inputs of the page: a shipped scene, a file, or several files that are sent as one zip. */
 import { Job } from "./client.js";
 import { decodeImage } from "./dom.js";
+import { run } from "./job.js";
 import { SENTENCES, TEXTS } from "./texts.js";
 import { writeZip } from "./zip.js";
 
@@ -121,8 +122,8 @@ export function makeForm(input, fields) {
  */
 export async function describe(input, signal, options = {}) {
   if (input.scene) return { kind: "scene", candidates: [], notes: [] };
-  const job = await Job.post("inspections", makeForm(input, options), signal);
-  const description = await (await job.follow(() => {}, signal)).json();
+  const start = (/** @type {(share: number) => void} */ report) => Job.post("inspections", makeForm(input, options), signal, report);
+  const description = await (await run(start, TEXTS.reading, signal)).response.json();
   signal.throwIfAborted();
   return description;
 }

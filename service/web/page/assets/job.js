@@ -3,7 +3,8 @@
 import { isEnded, Problem } from "./client.js";
 import { find, make } from "./dom.js";
 import { markJob } from "./recent.js";
-import { adaptRemedy, SENTENCES, STAGES, TEXTS } from "./texts.js";
+import { adaptRemedy, STAGES } from "./server_texts.js";
+import { SENTENCES, TEXTS } from "./texts.js";
 
 /** @typedef {import("./client.js").Job} Job */
 /** @typedef {import("./client.js").Status} Status */
@@ -148,7 +149,7 @@ export function showStatus(message) {
 
 /**
  * Runs a job of the work to its end, and records its state in the list of recent jobs.
- * @param {() => Promise<Job>} start
+ * @param {(report: (share: number) => void) => Promise<Job>} start Reports the share of the input that has been sent.
  * @param {string} name The name of its result.
  * @param {AbortSignal} signal The signal of the work.
  * @param {boolean} [isNew] Whether `start` begins the job.
@@ -158,7 +159,7 @@ export async function run(start, name, signal, isNew = true) {
   signal.throwIfAborted();
   showStatus(name);
   panel.hidden = false;
-  const begun = (started = performance.now());
+  let begun = (started = performance.now());
   isOwn = isNew;
   const report = (/** @type {Status | null} */ status) => showProgress(status, begun);
   report(null);
@@ -167,13 +168,13 @@ export async function run(start, name, signal, isNew = true) {
   try {
     await cancelling;
     signal.throwIfAborted();
-    mine = await start();
+    mine = await start(showSent);
+    begun = started = performance.now(); // sending took a time of its own
     signal.throwIfAborted();
     job = mine;
     wasDone = mine.status.state === "done";
     const response = await mine.follow(report, signal);
     signal.throwIfAborted();
-    showReport(mine.status);
     return { job: mine, response };
   } finally {
     // A job that existed before and is left soon goes on.
@@ -186,8 +187,14 @@ export async function run(start, name, signal, isNew = true) {
   }
 }
 
+/** @param {number} share The share of the input that has been sent. */
+function showSent(share) {
+  [bar.max, bar.value] = [1, share];
+  text.textContent = SENTENCES.sent(share);
+}
+
 /**
- * @param {Status | null} status null while the file is being sent.
+ * @param {Status | null} status null until the job has begun.
  * @param {number} begun The start time in milliseconds.
  */
 function showProgress(status, begun) {
@@ -197,7 +204,8 @@ function showProgress(status, begun) {
   else bar.removeAttribute("value");
   const left = done ? ((performance.now() - begun) * (views - done)) / done / 1000 : 0;
   const parts = [status?.state === "queued" ? TEXTS.queued : (STAGES[stage] ?? TEXTS.reading)];
-  if (views > 1) parts.push(SENTENCES.views(done, views));
+  const isOfViews = job?.url.startsWith("/v1/reconstructions/"); // other jobs also count rows of pixels, and planes
+  if (views > 1) parts.push(isOfViews ? SENTENCES.views(done, views) : SENTENCES.share(done / views));
   if (left) parts.push(SENTENCES.left(left));
   text.textContent = parts.join(", ");
 }

@@ -5,7 +5,7 @@ import { find, make } from "./dom.js";
 import { nameResult, offerFormats, saveResponse, watchExport } from "./export.js";
 import { fill, makeFile, makeShown, showPicture, showViews } from "./frame.js";
 import { describe, joinFiles, listChosen, listDropped, nameInput, nameStem } from "./inputs.js";
-import { clear, clearNotes, EXPORT, perform, run, showProblem, showStatus } from "./job.js";
+import { clear, clearNotes, EXPORT, perform, run, showProblem, showReport, showStatus } from "./job.js";
 import { PLACE } from "./light_field.js";
 import { allowTurning, closeMesh, openMesh, watchPlace } from "./place.js";
 import { forgetJob, isUnfinished, watchRecent } from "./recent.js";
@@ -70,7 +70,6 @@ function open(chosen) {
     signal.throwIfAborted();
     writeName(nameInput(given), "");
     const settings = takeSettings(given);
-    showStatus(TEXTS.reading);
     const { kind, candidates } = await describe(given, signal);
     writeName(nameInput(given), KINDS[kind] ?? "");
     fitSettings(kind);
@@ -160,7 +159,9 @@ function reopen(entry) {
       return new Job(entry.url, status);
     };
     try {
-      return (await run(start, entry.what, signal, false)).response;
+      const { job, response } = await run(start, entry.what, signal, false);
+      showReport(job.status);
+      return response;
     } catch (error) {
       if (error instanceof Problem && [404, 410].includes(error.status)) forgetJob(entry.url);
       throw error;

@@ -3,7 +3,8 @@
 import { Problem, request } from "./client.js";
 import { find, make } from "./dom.js";
 import { keep, read } from "./storage.js";
-import { FORMATS, GROUPS, SENTENCES, STATES, TEXTS } from "./texts.js";
+import { STATES } from "./server_texts.js";
+import { FORMATS, GROUPS, SENTENCES, TEXTS } from "./texts.js";
 
 const KEY = "recent", PLACE = "localStorage";
 const MOST = 20;

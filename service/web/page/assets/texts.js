@@ -94,38 +94,6 @@ export const TEXTS = {
   epi: "Row y=120, or column x=80",
 };
 
-/** The messages for problems, by HTTP status; 0: the server did not answer. */
-export const PROBLEMS = /** @type {Record<number, string>} */ ({
-  0: "The server does not answer. Check that it runs, then try again.",
-  400: "The server did not understand the request.",
-  401: "This server needs a key.",
-  403: "The server refuses requests from this page's address.",
-  404: "The server no longer has this job. Open the file again.",
-  408: "The upload took too long. Try a smaller file or a faster connection.",
-  409: "The job was cancelled.",
-  410: "The server no longer keeps this result. Open the file again.",
-  413: "This exceeds a limit of the server.",
-  415: "The server can't read this file.",
-  422: "The file or a setting does not fit.",
-  429: "The server is busy. Try again in a few seconds.",
-  500: "The server failed.",
-  503: "The server is not ready. Try again in a few seconds.",
-});
-
-/** The names of a job's stages, in the order in which they run. */
-export const STAGES = /** @type {Record<string, string>} */ ({
-  decode: "Reading",
-  plan: "Planning",
-  render: "Rendering",
-  map: "Mapping",
-  upscale: "Upscaling",
-  focus: "Focusing",
-  encode: "Writing",
-});
-
-/** The states of jobs that are not done, in the list of recent jobs. */
-export const STATES = /** @type {Record<string, string>} */ ({ queued: "waiting", running: "running", failed: "failed" });
-
 /** The names of kinds of inputs. */
 export const KINDS = /** @type {Record<string, string>} */ ({
   scene: "A shipped scene",
@@ -149,25 +117,6 @@ export const GROUPS = /** @type {Record<string, string>} */ ({
   stack: "A stack of depth planes",
   disparities: "Depth",
 });
-
-/** Remedies on the page, which replace remedies of the server that are for other programs. */
-const REMEDIES = /** @type {[RegExp, string][]} */ ([
-  [
-    /^\w+: .*(several times or yaws|make a video of one view).*/,
-    `Several times or turns make a video: choose "${GROUPS.times}" or "${GROUPS.turntable}" under ${TEXTS.export}. One time has a decimal point, as 0.5.`,
-  ],
-  [/; if the object lies down, give up z$/, `; if the object lies down, choose "${TEXTS.z}" under "${TEXTS.up}"`],
-  [/; give a zip that holds it/, "; drop it together with the mesh, or a zip that holds both"],
-  [/(type \.(7z|bz2|rar|tar|t?gz|xz) are not read); .*/, "$1; unpack it, and drop what is in it"],
-]);
-
-/**
- * Returns an error or a note of the server with the remedy that helps on the page.
- * @param {string} text
- */
-export function adaptRemedy(text) {
-  return REMEDIES.reduce((adapted, [pattern, remedy]) => adapted.replace(pattern, remedy), text);
-}
 
 /** The names of formats. */
 export const FORMATS = /** @type {Record<string, string>} */ ({
@@ -234,6 +183,10 @@ export const SENTENCES = {
   size: (name, rows, cols) => `${name}, ${cols} x ${rows} pixels`,
   /** @param {number} done @param {number} all */
   views: (done, all) => `${done} of ${all} views`,
+  /** @param {number} share */
+  share: (share) => `${Math.floor(100 * share)} %`,
+  /** @param {number} share */
+  sent: (share) => `Sending, ${SENTENCES.share(share)}`,
   /** @param {string} lenses @param {string} pixels */
   grid: (lenses, pixels) => `${lenses} lenses of ${pixels} pixels`,
   /** @param {number} pitch @param {number} rotation */

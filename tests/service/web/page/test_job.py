@@ -326,6 +326,18 @@ def test_the_notes_of_a_report_are_in_sight_in_each_view(page):
     expect(note).to_have_count(0)
 
 
+def test_what_a_display_shows_is_counted_in_percent(page):
+    """Its progress counts rows of pixels."""
+    open_scene(page)
+    progress = {"stage": "render", "views_done": 172, "views": 1600}
+    status = {"id": "a", "state": "running", "progress": progress}
+    page.route("**/v1/displays", lambda route: route.fulfill(json=status))
+    page.route("**/v1/displays/a/events", lambda route: None)
+    page.locator("#format").select_option("displays/quilt")
+    page.get_by_role("button", name="Download").click()
+    expect(page.locator("#progress-text")).to_contain_text("Rendering, 10 %")
+
+
 def test_a_picture_without_a_network_is_called_mapped(page):
     go_to(page, f"{SMALL}&model=none&show=upscaled")
     wait_for_picture(page, 20, 30)

@@ -71,6 +71,22 @@ def test_a_job_is_followed_over_a_break_of_the_server_and_cancelled(browser, ser
     page.context.close()
 
 
+def test_the_share_that_has_been_sent_is_shown_and_sending_is_cancelled(page):
+    devtools = page.context.new_cdp_session(page)
+    devtools.send("Network.enable")
+    line = {"offline": False, "latency": 0, "downloadThroughput": -1}
+    devtools.send("Network.emulateNetworkConditions", line | {"uploadThroughput": 60_000})
+    choose(page, ("cube.off", CUBE + b"#" * 600_000))
+    expect(page.locator("#progress-text")).to_have_text(re.compile(r"Sending, [1-9]\d? %"))
+    assert 0 < float(page.locator("#progress").get_attribute("value")) < 1
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.locator("#status")).to_have_text("Cancelled.")
+    expect(page.locator("#job")).to_be_hidden()
+    devtools.send("Network.emulateNetworkConditions", line | {"uploadThroughput": -1})
+    page.get_by_role("button", name="Try again").click()
+    expect(page.locator("#kind")).to_have_text("A mesh")
+
+
 def test_two_tabs_share_the_server_and_the_list_of_jobs(page):
     page.expected = ["409"]
     open_scene(page)
