@@ -3,7 +3,7 @@
 import { Job } from "./client.js";
 import { showComparison } from "./compare.js";
 import { decodeImage, find, make } from "./dom.js";
-import { nameResult } from "./export.js";
+import { findGroup, nameResult } from "./export.js";
 import { LensGrid } from "./grid.js";
 import { describe, makeForm, nameInput, nameStem, readImage } from "./inputs.js";
 import { clearNotes, perform, run, showReport } from "./job.js";
@@ -11,6 +11,7 @@ import { readGrid } from "./lenses.js";
 import { showLightField } from "./light_field.js";
 import { addOverlays } from "./overlays.js";
 import { hidePreview, isTurning } from "./place.js";
+import { askDisparity, keepRange } from "./ranges.js";
 import { keepJob } from "./recent.js";
 import { changeLenses, LENSES, listModels } from "./settings.js";
 import { SENTENCES, TEXTS } from "./texts.js";
@@ -184,8 +185,9 @@ async function showAround(input, settings, signal) {
   } finally {
     addOverlays(stage, () =>
       perform(async (ended) => {
-        const { scale, model, ...reading } = settings;
-        return (await makeFile(input, "disparities", { ...reading, format: "viridis" }, TEXTS.depth, ended)).response.blob();
+        const { job, response } = await makeFile(input, "disparities", askDisparity(settings), TEXTS.depth, ended);
+        keepRange(input, settings, job.status.report);
+        return response.blob();
       }),
     );
   }
@@ -227,7 +229,7 @@ export async function makeFile(input, plural, fields, what, signal, isKept = tru
   if (!input.scene && !input.file) throw new Error(SENTENCES.again(input.name));
   const start = async (/** @type {(share: number) => void} */ report) => {
     const job = await Job.post(plural, makeForm(input, fields), signal, report);
-    const named = { name: nameInput(input), what, stem: nameStem(input), end: nameResult(plural, fields) };
+    const named = { name: nameInput(input), what, stem: nameStem(input), end: nameResult(plural, fields), group: findGroup(plural, fields) };
     const made = { ...named, url: job.url, hash: location.hash, state: job.status.state };
     if (isKept) keepJob(made, fields);
     return job;

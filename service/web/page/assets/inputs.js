@@ -28,9 +28,12 @@ import { writeZip } from "./zip.js";
  * @property {string} kind A name in `KINDS`.
  * @property {Candidate[]} candidates The likeliest one comes first.
  * @property {string[]} notes
+ * @property {{rows: number, cols: number}} [light_field] Rows and columns of views.
+ * @property {Error} [error] Why the user has to give rows and columns of views.
  */
 
 export const MESH = /\.(glb|vrm|gltf|ply|stl|off|obj|dae|3mf)$/i; // as in `renderer/readers/registry.py`
+const GLB = 0x46546c67; // "glTF"
 const COMPANION = /\.(mtl|bin|png|jpe?g|webp|p[pgn]m|tga|bmp|gif|tiff?|exr|hdr|ktx2|dds)$/i; // files that belong to a mesh
 
 /**
@@ -126,6 +129,24 @@ export async function describe(input, signal, options = {}) {
   const description = await (await run(start, TEXTS.reading, signal)).response.json();
   signal.throwIfAborted();
   return description;
+}
+
+/**
+ * Whether a mesh has an animation, as far as the browser can tell: in a zip it may have one.
+ * @param {Input} input
+ */
+export async function isAnimated({ name, file, parts }) {
+  const files = parts ?? (file ? [{ name, file }] : []);
+  if (files.some((each) => /\.zip$/i.test(each.name))) return true;
+  const main = files.find((each) => /\.(glb|vrm|gltf)$/i.test(each.name));
+  if (!main) return false;
+  try {
+    const [magic, , , length] = new Uint32Array(await main.file.slice(0, 16).arrayBuffer()); // glTF 2.0, section 4.4
+    const text = magic === GLB ? main.file.slice(20, 20 + length) : main.file;
+    return (JSON.parse(await text.text()).animations ?? []).length > 0;
+  } catch {
+    return true; // the server knows
+  }
 }
 
 /**

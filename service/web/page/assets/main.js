@@ -2,12 +2,13 @@
 /** The page. An input is first shown as mapped, then as the user chose. */
 import { isEnded, Job, Problem, request, setKey } from "./client.js";
 import { find, make } from "./dom.js";
-import { nameResult, offerFormats, saveResponse, watchExport } from "./export.js";
+import { fillFocus, nameResult, offerFormats, saveResponse, watchExport } from "./export.js";
 import { fill, makeFile, makeShown, showPicture, showViews } from "./frame.js";
-import { describe, joinFiles, listChosen, listDropped, nameInput, nameStem } from "./inputs.js";
+import { describe, isAnimated, joinFiles, listChosen, listDropped, nameInput, nameStem } from "./inputs.js";
 import { clear, clearNotes, EXPORT, perform, run, showProblem, showReport, showStatus } from "./job.js";
 import { PLACE } from "./light_field.js";
 import { allowTurning, closeMesh, openMesh, watchPlace } from "./place.js";
+import { findRange } from "./ranges.js";
 import { forgetJob, isUnfinished, watchRecent } from "./recent.js";
 import { fitSettings, LENSES, mergeSettings, offerGrids, offerModels, readSettings, watchSettings } from "./settings.js";
 import { readState, replaceState } from "./state.js";
@@ -18,8 +19,9 @@ import { KINDS, SENTENCES, TEXTS, writeTexts } from "./texts.js";
 
 const SETTLE_MILLISECONDS = 250; // after a change of a setting, as a key may be pressed again
 const MESH_PIXELS = "7x7"; // for meshes, as for the examples: the server's default of 15x15 takes four times as long
+const NEEDS_GRID = /give pixels ROWSxCOLUMNS/; // in an error of the server
 /** Settings on which the viewpoint or the focus depends. */
-const PLACED = [...LENSES, "rotate", "zoom", "place", "up", "time"];
+const PLACED = [...LENSES, "rotate", "zoom", "place", "up", "time", "order", "transpose", "flip", "depth_sense"];
 const modes = /** @type {HTMLInputElement[]} */ ([...document.querySelectorAll("[name=show]")]);
 const save = find("save", HTMLButtonElement); // for a recent job whose file is not open, so that nothing else can be exported
 /** @type {Input | null} The open input. */
@@ -34,7 +36,7 @@ function leave() {
   save.hidden = true;
   fill(make("p", TEXTS.waiting));
   input = made = null;
-  fitSettings("");
+  fitSettings([]);
   writeName("", "");
 }
 
@@ -70,15 +72,28 @@ function open(chosen) {
     signal.throwIfAborted();
     writeName(nameInput(given), "");
     const settings = takeSettings(given);
-    const { kind, candidates } = await describe(given, signal);
+    const { kind, candidates, light_field: views, error } = await describe(given, signal).catch(askGrid);
     writeName(nameInput(given), KINDS[kind] ?? "");
-    fitSettings(kind);
+    const what = kind === "mesh" && (await isAnimated(given)) ? [kind, "animated"] : [kind];
+    signal.throwIfAborted();
+    fitSettings(what, views && `${views.rows}x${views.cols}`);
     if (kind === "mesh") void openMesh(given);
     offerGrids(candidates, kind === "mesh" ? { pixels: MESH_PIXELS, ...settings } : settings);
-    offerFormats(kind);
+    offerFormats(what);
     input = { ...given, kind };
+    if (error && !settings.pixels) throw error;
     return makeChosen(input, signal);
   });
+}
+
+/**
+ * Describes views whose rows and columns the server can't find: the user gives them.
+ * @param {unknown} error
+ * @returns {import("./inputs.js").Description}
+ */
+function askGrid(error) {
+  if (error instanceof Problem && NEEDS_GRID.test(error.detail)) return { kind: "views", candidates: [], notes: [], error };
+  throw error;
 }
 
 /**
@@ -126,13 +141,15 @@ async function show() {
  * @param {Input} opened
  * @param {AbortSignal} signal
  */
-function makeChosen(opened, signal) {
+async function makeChosen(opened, signal) {
   const settings = readSettings();
   const mode = modes.find((field) => field.checked && !field.closest("[hidden]"))?.value ?? "upscaled";
   keepState({ ...settings, show: mode });
   made = settings;
   allowTurning(opened.kind === "mesh" || opened.kind === "scene", mode);
-  return makeShown(opened, settings, mode, signal);
+  const next = await makeShown(opened, settings, mode, signal);
+  void fillFocus();
+  return next;
 }
 
 /**
@@ -168,7 +185,7 @@ function reopen(entry) {
     }
   };
   const download = (/** @type {import("./job.js").Place | undefined} */ place) =>
-    void attempt(async (signal) => saveResponse(await fetchResult(signal), entry.stem ?? entry.name, entry.end ?? ""), entry.name, place);
+    void attempt(async (signal) => saveResponse(await fetchResult(signal), entry.stem ?? entry.name, entry.end ?? "", entry.name), entry.name, place);
   const isExport = entry.what === TEXTS.export;
   if (!isExport && new URLSearchParams(entry.hash.slice(1)).has("scene")) return goTo(entry.hash);
   if (isExport && !isUnfinished(entry)) return download(EXPORT);
@@ -234,13 +251,13 @@ function settle() {
   settling = setTimeout(show, SETTLE_MILLISECONDS);
 }
 watchSettings(settle);
-watchExport((plural, fields) => {
+watchExport(() => (input ? findRange(input, readSettings()) : undefined), (plural, fields) => {
   const opened = input;
   if (!opened) return;
   void attempt(async (signal) => {
     const made = makeFile(opened, plural, mergeSettings(fields), TEXTS.export, signal);
     find("job", HTMLElement).scrollIntoView({ block: "nearest" });
-    await saveResponse((await made).response, nameStem(opened), nameResult(plural, fields));
+    await saveResponse((await made).response, nameStem(opened), nameResult(plural, fields), nameInput(opened));
   }, "", EXPORT);
 });
 for (const field of modes) field.addEventListener("change", () => void show());

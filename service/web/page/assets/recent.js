@@ -19,6 +19,7 @@ let open = () => {};
  * @property {string} what The kind of result.
  * @property {string} [stem] The first part of its download's name.
  * @property {string} [end] The second part of its download's name.
+ * @property {string} [group] What it shows, a name in `GROUPS`.
  * @property {string} url Its path.
  * @property {string} hash The page's settings.
  * @property {string} [state] Its last known state.
@@ -51,7 +52,8 @@ function keepJobs(entries) {
  */
 export function keepJob(made, fields) {
   const format = String(fields.format);
-  const file = made.what === TEXTS.export ? [FORMATS[format] ?? format, ...(fields.views === "all" ? [GROUPS.all] : [])] : [];
+  const file = made.what === TEXTS.export ? [(GROUPS[made.group ?? ""] ?? "").toLowerCase(), FORMATS[format] ?? format] : [];
+  if (made.group === "displays" && fields.model) file.push(TEXTS.upscaled.toLowerCase());
   const settings = Object.entries(fields).filter(([name, value]) => value && typeof value === "string" && !UNLISTED.test(name));
   const details = [...file, ...settings.map(([name, value]) => SENTENCES.setting(name, String(value)))].filter((text) => text);
   keepJobs([{ ...made, details, time: Date.now() }, ...readJobs().filter(({ url }) => url !== made.url)]);

@@ -34,14 +34,35 @@ export const STAGES = /** @type {Record<string, string>} */ ({
 /** The states of jobs that are not done, in the list of recent jobs. */
 export const STATES = /** @type {Record<string, string>} */ ({ queued: "waiting", running: "running", failed: "failed" });
 
+/**
+ * Names a choice of the settings.
+ * @param {string} choice
+ * @param {string} field
+ */
+function nameChoice(choice, field) {
+  const texts = /** @type {Record<string, string>} */ (TEXTS);
+  return `"${texts[choice]}" under "${texts[field]}"`;
+}
+
+/** @param {string} size Bytes, with commas. */
+function writeMegabytes(size) {
+  return `${(Number(size.replace(/\D/g, "")) / 1e6).toLocaleString("en-GB", { maximumFractionDigits: 1 })} MB`;
+}
+
 /** Remedies on the page, which replace remedies of the server that are for other programs. */
-const REMEDIES = /** @type {[RegExp, string][]} */ ([
+const REMEDIES = /** @type {[RegExp, string | ((found: string, part: string) => string)][]} */ ([
   [
     /^\w+: .*(several times or yaws|make a video of one view).*/,
     `Several times or turns make a video: choose "${GROUPS.times}" or "${GROUPS.turntable}" under ${TEXTS.export}. One time has a decimal point, as 0.5.`,
   ],
   [/; if the object lies down, give up z$/, `; if the object lies down, choose "${TEXTS.z}" under "${TEXTS.up}"`],
   [/; give a zip that holds it/, "; drop it together with the mesh, or a zip that holds both"],
+  [/\border (given|rows|columns|serpentine)\b/g, (_, name) => nameChoice(name, "order")],
+  [/\btranspose(?=,| and | with | would |$)/, () => nameChoice("swapped", "transpose")],
+  [/\bflip (uv?|v)\b/g, (_, axes) => nameChoice(axes, "flip")],
+  [/\bdepth_sense (cameras|lenses)\b/, (_, sense) => nameChoice(sense === "lenses" ? "underLenses" : sense, "depth_sense")],
+  [/\bpixels(?= 1x\d+ takes| gives)|\bpixels ROWSxCOLUMNS( \(of views\)| of the views)?/, `"${TEXTS.viewGrid}"`],
+  [/(?<=over |limit of |more than )[\d,]{7,} bytes|[\d,]{7,} bytes(?=; at most)|(?<=bytes; at most )[\d,]{7,}(?= are read)/g, writeMegabytes],
   [/(type \.(7z|bz2|rar|tar|t?gz|xz) are not read); .*/, "$1; unpack it, and drop what is in it"],
 ]);
 
@@ -50,5 +71,5 @@ const REMEDIES = /** @type {[RegExp, string][]} */ ([
  * @param {string} text
  */
 export function adaptRemedy(text) {
-  return REMEDIES.reduce((adapted, [pattern, remedy]) => adapted.replace(pattern, remedy), text);
+  return REMEDIES.reduce((adapted, [pattern, remedy]) => adapted.replace(pattern, /** @type {any} */ (remedy)), text);
 }

@@ -99,7 +99,7 @@ export function writeSettings(settings) {
     if (field instanceof HTMLInputElement && field.type === "color") writeColour(field, value);
     else if (name === "rotate") writeAngles(value);
     else if (field instanceof HTMLInputElement || field instanceof HTMLSelectElement) {
-      if (!writeField(field, value)) others[name] = value;
+      if (field.closest("[data-for][hidden]") || !writeField(field, value)) others[name] = value;
     } else if (!["v", "u", "focus", "aperture"].includes(name)) others[name] = value;
   }
   isPlaced = "place" in settings && !("place" in others);
@@ -169,15 +169,17 @@ export function changeLenses(options) {
 
 /**
  * Shows the fields for the open input.
- * @param {string} kind The kind of input; empty until it is known.
+ * @param {string[]} input What it is: its kind, and `animated` for a mesh with an animation; empty until it is known.
+ * @param {string} [views] Rows and columns of the views that were found.
  */
-export function fitSettings(kind) {
+export function fitSettings(input, views = "") {
+  const [kind = ""] = input;
   find("work", HTMLElement).dataset.kind = kind;
   for (const part of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-for]"))) {
-    part.hidden = !part.dataset.for?.split(" ").includes(kind);
+    part.hidden = !part.dataset.for?.split(" ").some((each) => input.includes(each));
   }
   for (const field of /** @type {NodeListOf<HTMLInputElement>} */ (form.querySelectorAll("[data-usual]"))) {
-    field.placeholder = kind === "mesh" || kind === "scene" ? (field.dataset.usual ?? "") : "";
+    field.placeholder = kind === "mesh" || kind === "scene" ? (field.dataset.usual ?? "") : kind === "views" ? views : "";
   }
 }
 

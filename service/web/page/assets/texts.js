@@ -40,6 +40,27 @@ export const TEXTS = {
   grids: "Found in the picture",
   lenses: "Lenses, rows x columns",
   pixels: "Pixels under each lens, rows x columns",
+  views: "Views",
+  viewGrid: "Views, rows x columns",
+  order: "Order of the views",
+  checked: "Corrected if it is wrong",
+  given: "As it is",
+  rows: "First number is the row",
+  columns: "First number is the column",
+  serpentine: "Rows run back and forth",
+  transpose: "Rows and columns of views",
+  kept: "As they are",
+  swapped: "Swapped",
+  flip: "Reverse the views",
+  none: "No",
+  u: "From left to right",
+  v: "From top to bottom",
+  uv: "Both: swaps near and far",
+  depth_sense: "Near and far",
+  stated: "As the file says",
+  cameras: "Numbered as cameras",
+  underLenses: "Numbered as lens pixels",
+  senseHelp: "If near things look far away, choose the other numbering.",
   lens_pitch: "Pixels from lens to lens, for a raw picture",
   lens_offset: "Centre of one lens, y,x in pixels",
   lens_rotation: "Rotation of the rows, in degrees",
@@ -92,6 +113,13 @@ export const TEXTS = {
   stack: "Planes, from : to : count",
   disparity: "Disparity of the plane, in pixels per view",
   epi: "Row y=120, or column x=80",
+  planeHelp: "Click in Look around on what should be sharp: its disparity is filled in here.",
+  stackHelp: "Show the disparity in Look around: its range is filled in here.",
+  calibrationHelp: "The file visual.json, which is stored on the display. For a lenticular print, write one like the example.",
+  displayHelp: "Write one like the example, with lengths in millimetres.",
+  example: "Example",
+  larger: "Upscale the views first",
+  largerHelp: "With the network and the size of the settings; it takes longer.",
 };
 
 /** The names of kinds of inputs. */
@@ -116,6 +144,22 @@ export const GROUPS = /** @type {Record<string, string>} */ ({
   plane: "In focus at one depth",
   stack: "A stack of depth planes",
   disparities: "Depth",
+});
+
+/** Examples of files that describe displays, as in docs/displays.md. */
+export const EXAMPLES = /** @type {Record<string, string>} */ ({
+  calibration: `{"pitch": 60, "DPI": 600,
+ "screenW": 3600, "screenH": 2400,
+ "slope": 10000, "center": 0,
+ "viewCone": 40, "invView": 1,
+ "subpixels": "none"}`,
+  display: `[panel]
+pixels = [1920, 1080]
+ppi = 280   # pixels per inch
+
+[lenses]
+pitch = 1.0 # from lens to lens
+gap = 3.0   # pixels to lenses`,
 });
 
 /** The names of formats. */
@@ -173,6 +217,9 @@ const SETTINGS = /** @type {Record<string, (value: string) => string>} */ ({
   rotate: (value) => `turned by ${value.replaceAll(",", "°, ")}°`,
   zoom: (value) => `size ${value}`,
   time: (value) => `at ${value} s`,
+  order: () => "in another order",
+  transpose: () => "rows and columns swapped", flip: () => "reversed",
+  depth_sense: (value) => (value === "lenses" ? TEXTS.underLenses : TEXTS.cameras).toLowerCase(),
   model: (value) => ({ auto: "", none: "not upscaled" }[value] ?? value),
   scale: (value) => (value === "2" ? "" : `${value} times larger`),
 });

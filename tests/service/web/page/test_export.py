@@ -16,6 +16,9 @@ from PIL import Image
 from playwright.sync_api import expect
 
 from ciir.renderer.displays.devices import DEVICES
+from ciir.renderer.displays.integral import parse_display
+from ciir.renderer.displays.lenticular import parse_calibration
+from ciir.renderer.writers.pictures import encode_png
 from ciir.service.pipeline.options import KINDS
 from ciir.service.pipeline.options.kinds import FILE_TYPES
 from tests.support.browser import needs_browser
@@ -30,6 +33,7 @@ from tests.support.browser.page import (
     wait_for_picture,
 )
 from tests.support.displays import CALIBRATION
+from tests.support.inputs import CUBE, EIA_PNG, make_picture
 from tests.support.meshes.gltf import Model
 
 pytestmark = [needs_browser, pytest.mark.slow]
@@ -145,6 +149,105 @@ def test_a_mesh_turns_on_a_turntable(page):
     assert re.search(r'name="rotate"\r\n\r\n0:360:4,20,10\r', posted.value.post_data)
     assert download.value.suggested_filename == "Vase_turntable.gif"
     assert open_picture(download.value.path().read_bytes()) == (4, 12, 18, 3)
+
+
+def test_it_says_what_a_file_shows(page):
+    open_scene(page)
+    for format_, what in (("elementals/png", "Elemental image array of the mesh"), ("disparities/png", "Depth")):
+        page.locator("#format").select_option(format_)
+        expect(page.locator("#shown")).to_have_text(what)
+        with page.expect_download():
+            page.get_by_role("button", name="Download").click()
+        expect(page.locator("#recent-list button").first).to_contain_text(f"Vase: export, {what.lower()}, PNG")
+
+
+def test_planes_of_a_mesh_begin_within_it(page, server):
+    open_scene(page)
+    form = {"scene": "vase", "lenses": "20x30", "pixels": "5x5"}
+    url = page.request.post(f"{server}/v1/disparities", multipart=form).headers["content-location"]
+    status = page.request.get(f"{server}{url.removesuffix('/result')}").json()
+    seen = status["report"]["disparity"]["confident"]
+    least, largest = (f"{seen[name]:.2f}".removesuffix("0") for name in ("least", "largest"))
+    page.locator("#format").select_option("stack/gif")
+    expect(page.locator("[name=stack]")).to_have_value(f"{least}:{largest}:16")
+    page.locator("#format").select_option("plane/png")
+    expect(page.locator("[name=disparity]")).to_have_value(f"{(seen['least'] + seen['largest']) / 2:.2f}")
+    expect(page.locator("#focus-help")).to_be_hidden()
+
+
+def test_planes_of_a_capture_begin_at_what_is_known_of_it(page):
+    choose(page, ("eia.png", EIA_PNG))
+    set_field(page, "lenses", "6x9")
+    wait_for_picture(page, 12, 18)
+    page.locator("#format").select_option("stack/gif")
+    expect(page.locator("[name=stack]")).to_have_value("-1:1:16")
+    expect(page.locator("#focus-help")).to_contain_text("Show the disparity in Look around")
+    found = {"disparity": {"least": -9, "largest": 9, "confident": {"least": 0.25, "largest": 1.5}}}
+    page.route("**/v1/disparities", lambda route: route.fulfill(json={"id": "a", "state": "done", "report": found}))
+    picture = encode_png(make_picture(6, 9))
+    page.route("**/v1/disparities/a/result", lambda route: route.fulfill(body=picture))
+    choose_mode(page, "Look around")
+    page.get_by_role("checkbox", name="Disparity").check()
+    expect(page.locator("[name=stack]")).to_have_value("0.25:1.5:16")
+    expect(page.locator("#focus-help")).to_be_hidden()
+
+
+def test_views_of_a_capture_are_upscaled_for_a_display_if_that_is_chosen(page):
+    choose(page, ("eia.png", EIA_PNG))
+    set_field(page, "lenses", "6x9")
+    wait_for_picture(page, 12, 18)
+    page.locator("#format").select_option("displays/quilt")
+    sizes = []
+    for is_larger in (False, True):
+        page.get_by_label("Upscale the views first").set_checked(is_larger)
+        with page.expect_download() as download:
+            page.get_by_role("button", name="Download").click()
+        sizes.append(open_picture(download.value.path().read_bytes())[:2])
+    assert sizes[1] == tuple(2 * side for side in sizes[0])
+    expect(page.locator("#recent-list button").first).to_contain_text("upscaled")
+    open_scene(page)
+    page.locator("#format").select_option("displays/quilt")
+    expect(page.get_by_label("Upscale the views first")).to_have_count(0)  # a mesh is cast ray by ray
+
+
+def test_an_exported_viewer_has_the_name_of_the_file(page):
+    go_to(page, "#file=a%26b.off&lenses=20x20&pixels=3x3&model=none")
+    page.reload()
+    choose(page, ("a&b.off", CUBE))
+    wait_for_picture(page, 20, 20)
+    page.locator("#format").select_option("all/html")
+    for button in ("Download", "a&b.off: export"):
+        with page.expect_download() as download:
+            page.get_by_role("button", name=button).click()
+        text = download.value.path().read_text()
+        assert "<title>a&amp;b.off</title>" in text
+        assert '<h1 class="unseen">a&amp;b.off</h1>' in text
+        assert text.rstrip().endswith("</html>")
+
+
+def test_the_examples_of_files_for_displays_are_read(page):
+    texts = page.evaluate("import('/assets/texts.js').then(({ EXAMPLES }) => EXAMPLES)")
+    assert parse_calibration(texts["calibration"].encode(), name="a.json").width == 3600
+    assert parse_display(texts["display"].encode(), name="a.toml").width == 1920
+    open_scene(page)
+    page.locator("#format").select_option("displays panel/panel")
+    page.locator("#needed summary").click()
+    expect(page.locator("#needed pre")).to_have_text(texts["display"])
+
+
+def test_times_are_offered_for_animations_alone(page):
+    still, moving = Model(), Model()
+    moving.animate(0, "rotation", [0, 1], np.array([[0, 0, 0, 1], [0, 0.5**0.5, 0, 0.5**0.5]], np.float32))
+    for name, data, is_offered in (
+        ("b.glb", still.glb(), False),
+        ("c.glb", moving.glb(), True),
+        ("d.off", CUBE, False),
+    ):
+        choose(page, (name, data))
+        expect(page.locator("#name")).to_have_text(name)
+        expect(page.locator("#kind")).to_have_text("A mesh")
+        expect(page.locator("#settings [name=time]")).to_be_visible(visible=is_offered)
+        expect(page.locator("#format option[value^='times/']")).to_have_count(5 if is_offered else 0)
 
 
 def test_every_format_of_the_server_is_offered(page):

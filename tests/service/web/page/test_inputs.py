@@ -1,16 +1,19 @@
 """Ways to give the page a file, and hostile names in all that it shows of one."""
 
+import json
 import shutil
 from pathlib import Path
 from urllib.parse import quote
 
+import numpy as np
 import pytest
 from playwright.sync_api import expect
 
+from ciir.renderer.readers.pictures import decode
 from ciir.renderer.readers.registry import SUFFIXES, is_mesh
 from ciir.renderer.writers.pictures import encode_png
 from tests.support.browser import needs_browser
-from tests.support.browser.page import choose, drop, go_to, wait_for_picture
+from tests.support.browser.page import choose, drop, go_to, set_field, wait_for_picture
 from tests.support.inputs import CUBE, EIA_PNG, make_picture
 
 pytestmark = [needs_browser, pytest.mark.slow]
@@ -53,8 +56,40 @@ def test_a_folder_is_one_set_of_views(page, tmp_path, way):
     wait_for_picture(page, 16, 20)
     expect(page.locator("#name")).to_have_text("views")
     expect(page.locator("#kind")).to_have_text("A set of views")
-    for name in ("lenses", "pixels"):
-        expect(page.locator(f"[name={name}]")).to_be_hidden()  # views have their own
+    expect(page.locator("[name=lenses]")).to_be_hidden()
+    expect(page.get_by_label("Views, rows x columns")).to_have_attribute("placeholder", "3x3")
+    for heading, is_shown in (("Views", True), ("Lens array", False)):
+        expect(page.locator("#settings legend").get_by_text(heading, exact=True)).to_be_visible(visible=is_shown)
+
+
+def test_views_are_read_in_the_order_that_a_note_names(page, tmp_path):
+    drop(page, make_views(tmp_path / "views"))
+    wait_for_picture(page, 16, 20)
+    note = page.locator("#notes")
+    expect(note).to_contain_text('"First number is the column" under "Order of the views" takes them the other way')
+    page.get_by_label("Order of the views").select_option(label="First number is the column")
+    expect(note).to_contain_text('"First number is the row" under "Order of the views" takes them the other way')
+    assert "order=columns" in page.url
+    page.locator("[name=depth_sense]").select_option(label="Numbered as lens pixels")
+    page.wait_for_url("**depth_sense=lenses**")  # until then, the picture would take the place of a download
+    with page.expect_download() as download:
+        page.locator("#format").select_option("all/npz")
+        page.get_by_role("button", name="Download").click()
+    with np.load(download.value.path()) as arrays:
+        options = json.loads(str(arrays["report"]))["options"]
+    assert (options["order"], options["depth_sense"]) == ("columns", "lenses")
+
+
+def test_views_without_rows_and_columns_ask_for_them(page):
+    page.expected = ["422"]
+    choose(page, *((f"{number}.png", encode_png(make_picture(8, 10))) for number in range(6)))
+    expect(page.get_by_role("alert")).to_contain_text('not a square number; give "Views, rows x columns"')
+    set_field(page, "pixels", "2x3")
+    wait_for_picture(page, 16, 20)
+    page.locator("#format").select_option("all/eia")
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Download").click()
+    assert decode(download.value.path().read_bytes(), name="a.png").shape[:2] == (2 * 16, 3 * 20)
 
 
 def test_several_files_are_one_set_of_views(page, tmp_path):
@@ -202,6 +237,27 @@ def test_a_mesh_comes_with_its_files(page, tmp_path, way):
     wait_for_picture(page, 40, 40)
     expect(page.locator("#kind")).to_have_text("A mesh")
     expect(page.locator("#notes")).not_to_contain_text("missing")
+
+
+def test_what_no_field_shows_is_left_to_the_server(page):
+    page.expected = ["422"]
+    go_to(page, "#file=cube.off&lenses=20x20&pixels=3x3&time=0.5")
+    choose(page, ("cube.off", CUBE))
+    expect(page.get_by_role("alert")).to_contain_text("time")
+    expect(page.locator("#settings [name=time]")).to_be_hidden()
+
+
+def test_limits_are_shown_in_megabytes_and_sizes_of_files_as_they_are(page):
+    adapt = "(texts) => import('/assets/server_texts.js').then(({ adaptRemedy }) => texts.map(adaptRemedy))"
+    texts = {
+        "the request's body is over the limit of 67,108,864 bytes; send a smaller file": "limit of 67.1 MB; send",
+        "a.zip: unpacks to 1,234,567,890 bytes; at most 268,435,456 are read": "to 1,234.6 MB; at most 268.4 MB are",
+        "a.stl: 5,000,001 triangles; at most 5,000,000 are read": "5,000,001 triangles; at most 5,000,000 are read",
+        "a.glb: cut short: it has 1,050,000 of 1,120,484 bytes": "it has 1,050,000 of 1,120,484 bytes",
+    }
+    assert [part in text for part, text in zip(texts.values(), page.evaluate(adapt, list(texts)), strict=True)] == [
+        True
+    ] * len(texts)
 
 
 def test_names_in_the_address_never_become_markup(no_markup):

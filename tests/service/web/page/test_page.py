@@ -234,7 +234,11 @@ def test_recent_jobs_outlive_the_tab_until_they_are_forgotten(page):
     listed = other.locator("#recent-list button span")
     details = "20x30 lenses, 5x5 pixels"
     expect(listed).to_have_text(
-        [f"Vase: export, JPEG, {details}", f"Vase: export, WebP, {details}", f"Vase: upscaled, {details}"]
+        [
+            f"Vase: export, the centre view, JPEG, {details}",
+            f"Vase: export, the centre view, WebP, {details}",
+            f"Vase: upscaled, {details}",
+        ]
     )
     with other.expect_download() as download:
         listed.first.click()
