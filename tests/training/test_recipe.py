@@ -184,7 +184,7 @@ def test_what_ships_is_what_its_recipe_makes(name, folder):
 
 @pytest.mark.parametrize("own", ["fast", "bicubic"])
 def test_an_exported_network_has_no_shipped_name_by_accident(own):
-    with pytest.raises(ValueError, match=f"'{own}' is that of a model that ships; .* --name my-{own}"):
+    with pytest.raises(ValueError, match=f"'{own}' is the name of a model that ships; .* --name my-{own}"):
         choose_name("", own)
     assert choose_name(own, "mine") == choose_name(own, own) == own
     assert choose_name("", "mine") == "mine"
