@@ -7,18 +7,19 @@ import math
 import os
 import zipfile
 from dataclasses import replace
-from typing import TYPE_CHECKING, BinaryIO, cast
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple, cast
 
 from ciir.errors import InputError
 from ciir.models import catalogue
 from ciir.renderer.displays.pictures import find_kind, find_target
 from ciir.renderer.readers import picture_sizes
-from ciir.renderer.readers.registry import ZIP
+from ciir.renderer.readers.names import is_hidden
+from ciir.renderer.readers.registry import ARRAYS, ZIP, find_by_signature, is_container, is_mesh, is_picture
 from ciir.renderer.sampling import LENSLET_SAMPLES
 from ciir.renderer.writers.formats import FORMATS
 from ciir.service.pipeline.displays.rays import count_rays
 from ciir.service.pipeline.job import LENSES, PIXELS
-from ciir.service.pipeline.options import KINDS, NO_MODEL
+from ciir.service.pipeline.options import KINDS, MODELS, NO_MODEL
 
 if TYPE_CHECKING:
     from ciir.renderer.displays.pictures import Kind as DisplayKind
@@ -38,16 +39,28 @@ _DECODE, _RESAMPLE = 3e-8, 3e-7
 """Typical seconds for a pixel of a picture, and the additional time for a pixel of a raw lenslet picture."""
 _MULTIPLY_ADD, _WRITE, _FRAME = 2e-11, 1e-7, 2e-7
 """Typical seconds for a network's multiply-add, for a pixel that is written, and for a pixel of a video's frame."""
-_SHIFT, _MATCH = 1e-8, 2e-5
-"""Typical seconds for a view's pixel in a depth plane, and for a pixel of a disparity map."""
-_TRIANGLE_BYTES = 12
-"""Least bytes of a triangle in usual files: three indices of 4 bytes."""
+_SHIFT, _MATCH, _MODEL = 1e-8, 2e-5, 3e-4
+"""Typical seconds for a view's pixel in a depth plane, and for a pixel of a disparity map, and of a view that becomes a
+model."""
+_TRIANGLE_BYTES, _SAMPLES = 12, 3
+"""Least bytes of a triangle in usual files: three indices of 4 bytes; and of a pixel in a file of arrays."""
 _WINDOW = 25
 """Number of views that a light-field network takes for one."""
 _DIRECTORY_BYTES = 1 << 20
 """Bytes at the end of a zip that are read for its directory: enough for 10,000 files, and read in 0.1 s."""
 _HEAD_BYTES = 1 << 18
 """Bytes at the start of a picture that are read for its size."""
+
+
+class Content(NamedTuple):
+    """The size of an input."""
+
+    size: float
+    """Bytes, unpacked."""
+    pixels: float | None = None
+    """Of all its pictures; None for a file that may be a mesh."""
+    view: float | None = None
+    """Of each view; None if the file doesn't say what its views are."""
 
 
 def choose_lane(request: Request, file: BinaryIO) -> Lane:
@@ -57,19 +70,19 @@ def choose_lane(request: Request, file: BinaryIO) -> Lane:
 
 def estimate_job(request: Request, file: BinaryIO) -> float:
     """Estimates the seconds of a job on a typical machine; infinity if the start of `file` doesn't show its size."""
-    return estimate_seconds(request, measure_unpacked(file), measure_pixels(file))
+    return estimate_seconds(request, measure(file))
 
 
-def estimate_seconds(request: Request, size: float, pixels: float | None) -> float:
+def estimate_seconds(request: Request, content: Content) -> float:
     """Estimates the seconds that `request` takes on a typical machine.
 
-    The input is a picture of `pixels`, or another file of `size` unpacked bytes, which counts as a mesh if it may be
-    one. Anything that only the rest of the file's content shows, such as instances, is not considered.
+    Anything that only the rest of the file's content shows, such as instances, is not considered.
     """
+    size, pixels, _ = content
     options = KINDS[request.kind].parse(request.options)
     if options.moments:
         single = {name: text for name, text in request.options.items() if name not in ("time", "rotate")}
-        return len(options.moments) * estimate_seconds(replace(request, options=single, format=None), size, pixels)
+        return len(options.moments) * estimate_seconds(replace(request, options=single, format=None), content)
     read = size * _READ if pixels is None else pixels * _DECODE
     if request.kind == "inspection":
         return read
@@ -83,14 +96,14 @@ def estimate_seconds(request: Request, size: float, pixels: float | None) -> flo
         options = replace(options, views="all", model=NO_MODEL)
     if request.kind in ("plane", "disparity"):
         options = replace(options, views="all")
-    lenses, grid = _find_array(options, pixels)
+    lenses, grid = _find_array(options, content)
     wanted = {"center": 1, "cross": 5, "all": grid}.get(options.views, options.views.count(";") + 1)
     larger = 1 if options.model == NO_MODEL else options.scale**2
     written = lenses * wanted * larger * _price_pixel(options.model, catalogue.LIGHT_FIELD_DEFAULT)
     if request.kind == "plane":
         written += lenses * larger * (_MATCH + grid * _SHIFT * (options.stack[2] if options.stack else 1))
     elif request.kind == "disparity":
-        written += lenses * larger * _MATCH
+        written += lenses * larger * (_MODEL if request.format in MODELS else _MATCH)
     elif request.format is not None and "frames" in FORMATS[request.format].uses:
         written += lenses * larger * options.frames * _FRAME
     if pixels is not None:
@@ -112,11 +125,14 @@ def _count_rays(request: Request, options: Options) -> int:
         return 0
 
 
-def _find_array(options: Options, pixels: float | None) -> tuple[float, float]:
+def _find_array(options: Options, content: Content) -> tuple[float, float]:
     """Returns the numbers of lenses (a view's pixels) and of views. For a picture, one follows from its pixels."""
     lenses, grid = math.prod(options.lenses or LENSES), math.prod(options.pixels or PIXELS)
+    pixels = content.pixels
     if pixels is None:
         return lenses, grid
+    if content.view:
+        return content.view, pixels / content.view
     return (lenses, pixels / lenses) if options.lenses else (pixels / grid, grid)
 
 
@@ -127,34 +143,44 @@ def _price_pixel(model: str, default: str) -> float:
     return _WRITE + (0 if card is None else card.macs_per_output_pixel * _MULTIPLY_ADD)
 
 
-def measure_unpacked(file: BinaryIO) -> float:
-    """Measures the bytes of `file`, or of a zip's unpacked files, as stated in its directory. Nothing is unpacked.
+def measure(file: BinaryIO) -> Content:
+    """Measures the content of `file` by its header, or by a zip's directory and the header of its first picture.
 
-    Returns infinity for a zip without a readable directory.
+    Sizes are infinite for a zip without a readable directory, and for a picture whose start doesn't state its size.
     """
     size = file.seek(0, os.SEEK_END)
     file.seek(0)
-    if not file.read(4).startswith(ZIP.signatures):
-        return size
-    file.seek(max(0, size - _DIRECTORY_BYTES))
-    try:
-        with zipfile.ZipFile(io.BytesIO(file.read())) as archive:
-            return max(size, sum(member.file_size for member in archive.infolist()))
-    except Exception:  # noqa: BLE001 - zipfile raises many kinds; the worker process reports what is wrong
-        return math.inf
-
-
-def measure_pixels(file: BinaryIO) -> float | None:
-    """Returns the pixels of a picture, as stated in its header. Nothing is decoded.
-
-    Returns infinity if its first `_HEAD_BYTES` don't state them, and None for another file.
-    """
-    file.seek(0)
     head = file.read(_HEAD_BYTES)
+    if head.startswith(ZIP.signatures):
+        try:
+            return _measure_zip(file, size)
+        except Exception:  # noqa: BLE001 - zipfile raises many kinds; the worker process reports what is wrong
+            return Content(math.inf)
+    if picture_sizes.find_format(head) is not None:
+        return Content(size, _measure_picture(head))
+    is_array = any(entry.name in ARRAYS for entry in find_by_signature(head))
+    return Content(size, size / _SAMPLES if is_array else None)
+
+
+def _measure_zip(file: BinaryIO, size: int) -> Content:
+    file.seek(max(0, size - _DIRECTORY_BYTES))
+    with zipfile.ZipFile(io.BytesIO(file.read())) as archive:
+        names = [member.filename for member in archive.infolist() if not is_hidden(member.filename)]
+        unpacked = max(size, sum(member.file_size for member in archive.infolist()))
+    pictures = [name for name in names if is_picture(name)]
+    if any(is_mesh(name) for name in names):
+        return Content(unpacked)
+    if not pictures:
+        return Content(unpacked, unpacked / _SAMPLES if any(is_container(name) for name in names) else None)
+    with zipfile.ZipFile(file) as archive, archive.open(pictures[0]) as first:
+        pixels = _measure_picture(first.read(_HEAD_BYTES))
+    return Content(unpacked, len(pictures) * pixels, pixels if len(pictures) > 1 else None)
+
+
+def _measure_picture(head: bytes) -> float:
+    """Returns the pixels that the start of a picture states; infinity if it states none."""
     found = picture_sizes.find_format(head)
-    if found is None:
-        return None
-    size = picture_sizes.read_size(found, head)
+    size = None if found is None else picture_sizes.read_size(found, head)
     return math.inf if size is None else math.prod(size)
 
 

@@ -46,7 +46,7 @@ FARTHER = 0.5
 disparities."""
 DISPARITY_SCALE = (
     "z is in proportion to disparity, for a camera array to 1 / distance, not to distance; for true depths and widths "
-    "give camera_pitch, focal_length and sensor (in Python cameras=)"
+    "give camera_pitch, focal_length and the width of the sensor (in Python cameras=)"
 )
 """Note about the model of a camera array of unknown geometry."""
 

@@ -5,7 +5,7 @@ import pytest
 
 from ciir.service.jobs import lanes
 from ciir.service.jobs.job import Request
-from ciir.service.jobs.lanes import choose_lane, measure_pixels, measure_unpacked, order_lanes
+from ciir.service.jobs.lanes import Content, choose_lane, measure, order_lanes
 from tests.support.inputs import CUBE, make_png_header
 
 RAYS_OF_2_MEGAPIXELS = {
@@ -23,11 +23,11 @@ def choose(options, data=b""):
     return choose_lane(Request("upload.glb", options, None), io.BytesIO(data))
 
 
-def make_zip(*files):
+def make_zip(*files, suffix=""):
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for number, data in enumerate(files):
-            archive.writestr(str(number), data)
+            archive.writestr(f"{number}{suffix}", data)
     return file.getvalue()
 
 
@@ -147,11 +147,38 @@ def test_pictures_for_displays_count_by_the_views_that_are_upscaled(model, expec
     assert choose_lane(request, io.BytesIO(make_png_header(1500, 1500))) == expected
 
 
+@pytest.mark.parametrize(
+    ("options", "kind", "form", "expected"),
+    [
+        ({}, "inspection", None, "small"),
+        ({"model": "none"}, "reconstruction", None, "small"),
+        ({}, "reconstruction", None, "small"),
+        ({"views": "all"}, "reconstruction", None, "large"),
+        ({"model": "none"}, "disparity", "pfm", "small"),
+        ({"model": "none"}, "disparity", "glb", "large"),
+        ({"lenses": "9x9"}, "reconstruction", None, "small"),  # the views state their own number of pixels
+    ],
+)
+def test_sets_of_views_count_by_their_pixels(options, kind, form, expected):
+    """81 views of 128x128 pixels, of as many bytes as a mesh that takes 8 s to read."""
+    data = make_zip(make_png_header(128, 128), *[bytes(250_000)] * 80, suffix=".png")
+    request = Request("upload.zip", options, form, kind)
+    assert choose_lane(request, io.BytesIO(data)) == expected
+
+
+def test_arrays_count_by_their_pixels():
+    for options, expected in (({}, "small"), ({"views": "all"}, "large")):
+        assert choose(options, b"\x93NUMPY" + bytes(16_000_000)) == expected
+        assert choose(options, make_zip(bytes(16_000_000), suffix=".npy")) == expected
+    assert choose({}, bytes(16_000_000)) == "large"  # it may be a mesh
+
+
 def test_a_picture_whose_start_does_not_say_its_size_is_a_large_job():
-    assert measure_pixels(io.BytesIO(make_png_header(30, 20))) == 600
-    assert measure_pixels(io.BytesIO(b"\xff\xd8\xff damaged")) == float("inf")
-    assert measure_pixels(io.BytesIO(CUBE)) is None
+    assert measure(io.BytesIO(make_png_header(30, 20))) == Content(57, 600)
+    assert measure(io.BytesIO(b"\xff\xd8\xff damaged")).pixels == float("inf")
+    assert measure(io.BytesIO(CUBE)) == Content(len(CUBE))
     assert choose({"lenses": "5x5"}, b"\xff\xd8\xff damaged") == "large"
+    assert choose({}, make_zip(b"\xff\xd8\xff damaged", b"", suffix=".jpg")) == "large"
 
 
 def test_a_small_zip_that_unpacks_to_a_large_mesh_is_a_large_job():
@@ -159,15 +186,16 @@ def test_a_small_zip_that_unpacks_to_a_large_mesh_is_a_large_job():
     assert len(data) < 1_000_000
     assert choose(RAYS_OF_2_MEGAPIXELS, data) == choose({}, data) == "large"
     assert choose({}, make_zip(b"glTF".ljust(1000))) == "small"
+    assert choose({}, make_zip(b"glTF".ljust(47_000_000), suffix=".glb")) == "large"
 
 
 def test_the_directory_of_a_zip_is_at_its_end(monkeypatch):
     file = io.BytesIO(make_zip(bytes(3_000_000), *[b"x"] * 100))
-    assert measure_unpacked(file) == 3_000_100
+    assert measure(file) == Content(3_000_100)
     monkeypatch.setattr(lanes, "_DIRECTORY_BYTES", 1000)
-    assert measure_unpacked(file) == float("inf")  # too long to be read in the web process
-    assert measure_unpacked(io.BytesIO(b"PK\x03\x04 damaged")) == float("inf")
-    assert measure_unpacked(io.BytesIO(bytes(5))) == 5
+    assert measure(file) == Content(float("inf"))  # too long to be read in the web process
+    assert measure(io.BytesIO(b"PK\x03\x04 damaged")) == Content(float("inf"))
+    assert measure(io.BytesIO(bytes(5))) == Content(5)
 
 
 def test_one_of_several_threads_only_takes_small_jobs():

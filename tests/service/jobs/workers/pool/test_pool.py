@@ -39,7 +39,7 @@ from tests.support.workers.pools import COLD, FAST, LONG, run
 def test_small_jobs_do_not_wait_for_jobs_that_were_taken_for_small(open_pool, service, monkeypatch, caplog):
     """Two small files whose views have 16 million pixels, as if only time showed that, and one that is small."""
     monkeypatch.setattr(consumer, "SMALL_SECONDS", 1.0)
-    monkeypatch.setattr(lanes, "measure_pixels", lambda file: None)
+    monkeypatch.setattr(lanes, "measure", lambda file: lanes.Content(1000))
     jobs = service.open_jobs()
     options = {"pixels": "2x2", "model": "paper", "skip": "none"}
     with caplog.at_level(logging.INFO, logger="ciir.jobs"):
