@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any
 import httpx2
 from anyio import to_thread
 
-from ciir.errors import ConnectionFailed
 from ciir.service import client_messages as messages
 from ciir.service.client_messages import Event, Result
 from ciir.service.pipeline.options import KINDS
@@ -57,24 +56,30 @@ class Client(httpx2.Client):
     ) -> None:
         """`retries`: how many times a request is repeated after 429 or 503, each time after the server's `Retry-After`.
 
-        A GET is only repeated if the response has one.
+        A GET is only repeated if the response has one. While the status, events or result of a job are read, broken
+        connections are made again after pauses of 1 to 15 s, 60 s in all, whatever `retries` is, unless it is 0. Then
+        `ConnectionFailed` has the job's path and id, for `Client.job`. A submission is not repeated after a broken
+        connection.
         """
         super().__init__(base_url=url, headers=messages.make_key(api_key), timeout=TIMEOUT_SECONDS, transport=transport)
         self.retries = retries
 
     def send(self, request: httpx2.Request, **options: Any) -> httpx2.Response:
-        """Sends any request of this client, and repeats it up to `retries` times."""
-        failures = 0
+        """Sends any request of this client, and repeats it as `retries` says."""
+        failures = broken = 0
         while True:
             try:
                 response = super().send(request, **options)
                 if response.is_success:
                     return response
                 response.read()
+                pause = messages.find_pause(response, failures + 1, self.retries)
+                failures += 1
             except httpx2.RequestError as error:
-                raise messages.make_connection_error(self.base_url, error) from error
-            failures += 1
-            time.sleep(messages.find_pause(response, failures, self.retries))
+                broken += 1
+                path = messages.find_job_path(request)
+                pause = messages.find_reconnect_pause(self.base_url, path, error, broken, self.retries)
+            time.sleep(pause)
 
     def reconstruct(self, source: File, **options: object) -> Result:
         """Sends a mesh, an elemental image array or views, and waits for the views."""
@@ -155,17 +160,20 @@ class AsyncClient(httpx2.AsyncClient):
 
     async def send(self, request: httpx2.Request, **options: Any) -> httpx2.Response:
         """See `Client.send`."""
-        failures = 0
+        failures = broken = 0
         while True:
             try:
                 response = await super().send(request, **options)
                 if response.is_success:
                     return response
                 await response.aread()
+                pause = messages.find_pause(response, failures + 1, self.retries)
+                failures += 1
             except httpx2.RequestError as error:
-                raise messages.make_connection_error(self.base_url, error) from error
-            failures += 1
-            await asyncio.sleep(messages.find_pause(response, failures, self.retries))
+                broken += 1
+                path = messages.find_job_path(request)
+                pause = messages.find_reconnect_pause(self.base_url, path, error, broken, self.retries)
+            await asyncio.sleep(pause)
 
     async def reconstruct(self, source: File, **options: object) -> Result:
         """See `Client.reconstruct`."""
@@ -236,19 +244,20 @@ class Job(messages.JobPath):
         return messages.read_status(self._client.get(self.path))
 
     def events(self) -> Iterator[Event]:
-        """Yields all events from the first to the last. Reconnects up to `retries` times in a row."""
-        cursor = messages.Cursor(self._client.retries)
+        """Yields all events from the first to the last. Reconnects as `retries` of `Client` says."""
+        cursor = messages.Cursor(self.path, self._client.retries)
         while not cursor.is_at_end:
+            pause = messages.PAUSE_SECONDS
             try:
                 with self._client.sse(f"{self.path}/events", headers=cursor.headers) as events:
                     cursor.begin(events.response)
                     for event in events:
                         if (found := cursor.take(event)) is not None:
                             yield found
-            except (ConnectionFailed, httpx2.RequestError) as error:
-                cursor.fail(self._client.base_url, error)
+            except httpx2.RequestError as error:
+                pause = cursor.find_pause(self._client.base_url, error)
             if not cursor.is_at_end:
-                time.sleep(messages.PAUSE_SECONDS)
+                time.sleep(pause)
 
     def result(self) -> Result:
         """Waits for the result. Raises `ciir.Error` if the job fails or is cancelled."""
@@ -277,18 +286,19 @@ class AsyncJob(messages.JobPath):
 
     async def events(self) -> AsyncIterator[Event]:
         """See `Job.events`."""
-        cursor = messages.Cursor(self._client.retries)
+        cursor = messages.Cursor(self.path, self._client.retries)
         while not cursor.is_at_end:
+            pause = messages.PAUSE_SECONDS
             try:
                 async with self._client.sse(f"{self.path}/events", headers=cursor.headers) as events:
                     cursor.begin(events.response)
                     async for event in events:
                         if (found := cursor.take(event)) is not None:
                             yield found
-            except (ConnectionFailed, httpx2.RequestError) as error:
-                cursor.fail(self._client.base_url, error)
+            except httpx2.RequestError as error:
+                pause = cursor.find_pause(self._client.base_url, error)
             if not cursor.is_at_end:
-                await asyncio.sleep(messages.PAUSE_SECONDS)
+                await asyncio.sleep(pause)
 
     async def result(self) -> Result:
         """See `Job.result`."""

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, TypeVar
 
+import httpx2
+
 from ciir.errors import (
     ConnectionFailed,
     Error,
@@ -32,7 +34,6 @@ from ciir.service.pipeline.options import FILE_TYPES, KINDS, write_texts
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    import httpx2
     from httpx2 import ServerSentEvent
 
     from ciir.service.pipeline.given import File
@@ -41,7 +42,14 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 FINAL = frozenset({"done", "failed", "cancelled"})
 PAUSE_SECONDS = 1.0
-"""Pause before a request is repeated, if the server names no time, and before an event stream is opened again."""
+"""Pause before a request is repeated, if the server names no time, and before a stream that ended early is opened
+again."""
+RECONNECT_PAUSES = (1.0, 2.0, 4.0, 8.0, 15.0, 15.0, 15.0)
+"""Pauses in seconds after each broken connection in a row while a job is read: 60 s in all. An update of a single
+server takes 4 to 10 s."""
+_GATEWAY = frozenset({502, 503, 504})
+"""Statuses of a proxy whose server can't be reached."""
+_JOB = re.compile(r"/v1/([a-z]+)/([0-9a-f]{32})(?=/|$)")
 _BY_STATUS: dict[int, type[Error]] = {401: Unauthorized, 404: NotFound, 409: NotDone}
 _FOREIGN = "the response is not from a ciir server; check the URL and any proxy"
 
@@ -104,8 +112,8 @@ class JobPath:
 class Cursor:
     """A client's position in a job's events."""
 
-    def __init__(self, retries: int) -> None:
-        self._retries, self._last, self._failures = retries, "", 0
+    def __init__(self, path: str, retries: int) -> None:
+        self._path, self._retries, self._last, self._failures = path, retries, "", 0
         self.is_at_end = False
 
     @property
@@ -127,11 +135,10 @@ class Cursor:
         self.is_at_end = event.event in FINAL
         return found
 
-    def fail(self, url: httpx2.URL, error: Exception) -> None:
-        """Counts a broken connection. Raises `ConnectionFailed` if there were too many."""
+    def find_pause(self, url: httpx2.URL, error: Exception) -> float:
+        """Counts a stream that broke, and returns the seconds until it is opened again, or raises its error."""
         self._failures += 1
-        if self._failures > self._retries:
-            raise error if isinstance(error, ConnectionFailed) else make_connection_error(url, error) from error
+        return find_reconnect_pause(url, self._path, error, self._failures, self._retries)
 
 
 def make_key(api_key: str | None) -> dict[bytes, bytes]:
@@ -198,8 +205,10 @@ def find_pause(response: httpx2.Response, failures: int, retries: int) -> float:
     """Returns the seconds until a request that has failed `failures` times is repeated, or raises its error.
 
     Without `Retry-After` a GET is not repeated: the result of a job that failed becomes available only after a new
-    POST.
+    POST. Raises `httpx2.RequestError` if a job is read and a proxy can't reach the server.
     """
+    if response.status_code in _GATEWAY and not _is_problem(response) and find_job_path(response.request):
+        raise httpx2.RequestError(f"{response.status_code} {response.reason_phrase}", request=response.request)
     wait = _read_retry_after(response)
     is_final = wait is None and response.request.method == "GET"
     if failures > retries or response.status_code not in (429, 503) or is_final:
@@ -212,11 +221,16 @@ def _read_retry_after(response: httpx2.Response) -> int | None:
     return int(wait) if wait.isdecimal() else None
 
 
+def _is_problem(response: httpx2.Response) -> bool:
+    """Checks whether a response is a problem, as the server sends; a proxy sends others."""
+    return bool(response.headers.get("content-type", "").startswith("application/problem+json"))
+
+
 def make_error(response: httpx2.Response) -> Error:
     """Returns the error that an unsuccessful response reports."""
     status = response.status_code
     what = f"{status} {response.reason_phrase}"
-    if not response.headers.get("content-type", "").startswith("application/problem+json"):
+    if not _is_problem(response):
         return ServiceError(f"{what}: {_FOREIGN}")
     with _refuse_foreign(what):
         problem = response.json()
@@ -243,11 +257,33 @@ def _check(value: Any, kind: type[T]) -> T:
     return value
 
 
-def make_connection_error(url: httpx2.URL, error: Exception) -> ConnectionFailed:
-    """Returns the error that reports a failure to connect, send or receive."""
+def find_job_path(request: httpx2.Request) -> str:
+    """Returns the path of the job that a request reads; empty for any other request."""
+    found = _JOB.search(request.url.path) if request.method == "GET" else None
+    return "" if found is None else found[0]
+
+
+def find_reconnect_pause(url: httpx2.URL, path: str, error: Exception, failures: int, retries: int) -> float:
+    """Returns the seconds until a request is repeated whose connection broke `failures` times in a row.
+
+    `url` is the server's, and `path` that of the job that is read. Raises `ConnectionFailed` after the last of
+    `RECONNECT_PAUSES`, and at once if no job is read or `retries` is 0.
+    """
+    pauses = RECONNECT_PAUSES if path and retries else ()
+    if failures > len(pauses):
+        raise make_connection_error(url, error, path) from error
+    return pauses[failures - 1]
+
+
+def make_connection_error(url: httpx2.URL, error: Exception, path: str = "") -> ConnectionFailed:
+    """Returns the error that reports a failure to connect, send or receive; `path` is that of the job, if any."""
     if url.scheme not in ("http", "https"):
         return ConnectionFailed(f"{url}: this is not a server's URL; give one that begins with http:// or https://")
     why = str(error).rstrip(".") or type(error).__name__
+    if found := _JOB.fullmatch(path):
+        kind = next((name for name, kind in KINDS.items() if kind.plural == found[1]), found[1])
+        again = f"client.job({found[2]!r}, {kind!r})"
+        return ConnectionFailed(f"{str(url).rstrip('/')}{path}: {why}; go on with {again} once the server is running")
     return ConnectionFailed(f"{url}: {why}; check the URL, and whether the server is running")
 
 

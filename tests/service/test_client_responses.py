@@ -218,7 +218,7 @@ def test_a_stream_that_breaks_once_too_often():
     client, _ = make_client(broken, retries=0)
     events = client_module.Job(client, JOB).events()
     assert next(events) == Event(0, "queued", {})
-    with pytest.raises(ConnectionFailed, match="gone; check the URL"):
+    with pytest.raises(ConnectionFailed, match=f"^http://server{JOB}: gone; go on with client.job"):
         next(events)
 
 
@@ -255,8 +255,88 @@ def test_a_stream_that_ends_early_is_resumed_after_a_pause(monkeypatch):
     assert (len(requests), slept) == (3, [1.0, 1.0])
 
 
+PAUSES = [1.0, 2.0, 4.0, 8.0, 15.0, 15.0, 15.0]
+"""Pauses until a client gives up a server that is gone: an update of a server takes 4 to 10 s."""
+
+
 def refuse(request):
     raise httpx2.ConnectError("refused")
+
+
+def respond_as_proxy(request):
+    return httpx2.Response(502, text="<html>")
+
+
+@pytest.fixture
+def slept(monkeypatch):
+    """The pauses of both clients, which don't wait."""
+    found = []
+
+    async def sleep(seconds):
+        found.append(seconds)
+
+    monkeypatch.setattr(client_module.time, "sleep", found.append)
+    monkeypatch.setattr(client_module.asyncio, "sleep", sleep)
+    return found
+
+
+def call(kind, transport, name, path=JOB, **options):
+    """Calls a method of a job, or of its client, and returns the outcome."""
+
+    async def act():
+        client = kind("http://server/", transport=httpx2.MockTransport(transport), **options)
+        job = (client_module.Job if kind is Client else client_module.AsyncJob)(client, path)
+        if name == "events":
+            return [event async for event in job.events()] if kind is AsyncClient else list(job.events())
+        found = getattr(job, name)() if hasattr(job, name) else getattr(client, name)("scene:vase")
+        return await found if kind is AsyncClient else found
+
+    return asyncio.run(act())
+
+
+@pytest.mark.parametrize("kind", [Client, AsyncClient])
+@pytest.mark.parametrize("name", ["events", "status", "result"])
+@pytest.mark.parametrize(("transport", "why"), [(refuse, "refused"), (respond_as_proxy, "502 Bad Gateway")])
+def test_a_job_waits_for_its_server_for_a_minute(slept, kind, name, transport, why):
+    path = f"/v1/upscales/{'0' * 32}"
+    remedy = f"go on with client.job('{'0' * 32}', 'upscale') once the server is running"
+    with pytest.raises(ConnectionFailed) as caught:
+        call(kind, transport, name, path)
+    assert str(caught.value) == f"http://server{path}: {why}; {remedy}"
+    assert (slept, sum(slept)) == (PAUSES, 60)
+    slept.clear()
+    with pytest.raises(ConnectionFailed, match=re.escape(remedy)):
+        call(kind, transport, name, path, retries=0)
+    assert slept == []
+
+
+@pytest.mark.parametrize("kind", [Client, AsyncClient])
+def test_a_submission_to_no_server_fails_at_once(slept, kind):
+    for name in ("submit", "reconstruct", "cancel"):
+        with pytest.raises(ConnectionFailed, match=r"^http://server/?: refused; check the URL"):
+            call(kind, refuse, name)
+    assert slept == []
+
+
+@pytest.mark.parametrize("kind", [Client, AsyncClient])
+def test_a_reconstruction_goes_on_after_an_update_of_the_server(slept, kind):
+    head = {"content-type": "text/event-stream"}
+    answers = [
+        httpx2.Response(202, json={"events": f"{JOB}/events"}),
+        *[None] * 3,
+        respond_as_proxy(None),
+        make_problem(503, {"retry-after": "3"}),
+        httpx2.Response(200, headers=head, content=b"event: done\ndata: {}\nid: 0\n\n"),
+        *[None] * 2,
+        httpx2.Response(200, headers=HEADERS, content=b"data"),
+    ]
+
+    def respond(request):
+        return answers.pop(0) or refuse(request)
+
+    assert call(kind, respond, "reconstruct", retries=1).content == b"data"
+    assert slept == [1, 2, 4, 8, 3, 1, 2]
+    assert answers == []
 
 
 def test_a_server_that_cannot_be_reached(monkeypatch, eia_file):
@@ -264,9 +344,6 @@ def test_a_server_that_cannot_be_reached(monkeypatch, eia_file):
     client = Client("http://127.0.0.1:9")
     with pytest.raises(ConnectionFailed, match=r"^http://127\.0\.0\.1:9.*check the URL"):
         client.submit(eia_file)
-    client = Client("http://server", transport=httpx2.MockTransport(refuse), retries=2)
-    with pytest.raises(ConnectionFailed, match="refused"):
-        list(client_module.Job(client, JOB).events())
 
     async def ask():
         async with AsyncClient("http://127.0.0.1:9") as client:
