@@ -150,6 +150,11 @@ class ResultExpired(JobError, LookupError):  # noqa: N818
 class WorkerDied(JobError):  # noqa: N818
     """The worker process was killed, or crashed, in the middle of its work."""
 
+    def __init__(self, message: str, cause: str = "") -> None:
+        super().__init__(message)
+        self.cause = cause
+        """Why, for the client, if it is known: follows "because"."""
+
 
 class TimedOut(WorkerDied):
     """The worker process was ended in the middle of its work because the job used up its time."""

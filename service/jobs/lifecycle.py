@@ -25,12 +25,7 @@ WORKER_DEATH_LIMIT = 2
 ATTEMPT_LIMIT = 5
 """A job fails when its consumer died in this many runs, so that a job that crashes the machine does not run for
 ever."""
-WORKER_STOPPED = Problem(
-    503,
-    "Worker stopped",
-    f"the worker process was stopped in {WORKER_DEATH_LIMIT} runs, because the server lacked memory or time, or the "
-    "input crashed it; submit again later, or send a smaller input",
-)
+_UNKNOWN = "because the server lacked memory or time, or the input crashed it"
 INTERRUPTED = Problem(
     503, "Interrupted", f"the server was stopped in each of {ATTEMPT_LIMIT} runs; submit again to retry"
 )
@@ -85,13 +80,13 @@ class Lifecycle:
         """Puts the job of a run that was stopped back into the queue, in `lane`."""
         self._retry(run, None, logging.DEBUG, lane=lane)  # nothing failed; the consumer logs why the run ended
 
-    def retry_after_worker_death(self, run: Job, *, timed_out: bool) -> None:
+    def retry_after_worker_death(self, run: Job, *, timed_out: bool, cause: str = "") -> None:
         """Queues the job again, or fails it after `WORKER_DEATH_LIMIT`.
 
-        `timed_out`: whether a time-out ended the worker.
+        `timed_out`: whether a time-out ended the worker. `cause`: that of `WorkerDied`.
         """
         deaths = run.worker_deaths + 1
-        problem = WORKER_STOPPED if deaths >= WORKER_DEATH_LIMIT else None
+        problem = describe_deaths(cause) if deaths >= WORKER_DEATH_LIMIT else None
         self._retry(run, problem, worker_deaths=deaths, has_timed_out=timed_out)
 
     def retry_after_consumer_death(self, run: Job) -> None:
@@ -159,3 +154,10 @@ class Lifecycle:
             _log.log(level, "job %s: run %d was stopped; queued again", job.id, job.attempts)
             self._queue.push(job.lane, job.id)
         return True
+
+
+def describe_deaths(cause: str) -> Problem:
+    """Returns the problem of a job after `WORKER_DEATH_LIMIT`; `cause` is that of the last death, empty if unknown."""
+    why = f"in the last one because {cause}" if cause else _UNKNOWN
+    detail = f"the worker process was stopped in {WORKER_DEATH_LIMIT} runs, {why}"
+    return Problem(503, "Worker stopped", f"{detail}; submit again later, or send a smaller input")

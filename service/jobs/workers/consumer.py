@@ -169,7 +169,8 @@ class Consumer:
                 if not self._jobs.lifecycle.finish(job, outcome):
                     _log.info("job %s: it was cancelled, or taken over by another consumer", job.id)
             elif isinstance(outcome, WorkerDied):
-                self._jobs.lifecycle.retry_after_worker_death(job, timed_out=isinstance(outcome, TimedOut))
+                timed_out = isinstance(outcome, TimedOut)
+                self._jobs.lifecycle.retry_after_worker_death(job, timed_out=timed_out, cause=outcome.cause)
             else:  # changes nothing if the job was cancelled
                 self._jobs.lifecycle.requeue(job, "large" if run.is_moved else job.lane)
         except QueueUnavailable:

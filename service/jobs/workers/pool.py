@@ -186,18 +186,20 @@ class Pool:
                     worked = worker.read_cpu_seconds() - worked_before
                     worker.end()
                     text = f"was not done after {worked:.1f} s of processor time in {self._seconds:g} s"
+                    cause = f"the job was not done after {self._seconds:g} s, the operator's limit (CIIR_JOB_SECONDS)"
                     if worked < WORKING_SHARE * self._seconds:
-                        raise WorkerDied(f"{text}: the machine was overloaded")
+                        raise WorkerDied(f"{text}: the machine was overloaded", f"{cause}: the server was overloaded")
                     if not run.task.has_timed_out:
-                        raise TimedOut(text)
-                    return _time_problem(f"not done after {self._seconds:g} s, twice")
+                        raise TimedOut(text, cause)
+                    return _time_problem(f"not done after {self._seconds:g} s, twice (CIIR_JOB_SECONDS)")
         except WorkerExitedError as error:
             if self._is_cancelled(run):
                 raise Cancelled from error
             if not is_received:
                 raise _NotReceivedError(str(error)) from error
             if error.exitcode == -signal.SIGXCPU:
-                return _time_problem(f"took over {self._limits.cpu_seconds} s of processor time")
+                text = f"took over {self._limits.cpu_seconds} s of processor time (CIIR_WORKER_CPU_SECONDS)"
+                return _time_problem(text)
             raise WorkerDied(describe_exit(error.exitcode)) from error
 
     def _is_cancelled(self, run: _Run) -> bool:
@@ -297,4 +299,5 @@ def _copy(file: IO[bytes], target: Path) -> int:
 
 
 def _time_problem(reason: str) -> Problem:
-    return Problem(422, "Takes too long", f"{reason}, the limit; ask for fewer views, or give a smaller input")
+    detail = f"{reason}, the operator's limit; ask for fewer views, or give a smaller input"
+    return Problem(422, "Takes too long", detail)

@@ -1,7 +1,7 @@
 import pytest
 
 from ciir.service.jobs.job import Event, Problem
-from ciir.service.jobs.lifecycle import ATTEMPT_LIMIT, WORKER_STOPPED
+from ciir.service.jobs.lifecycle import ATTEMPT_LIMIT, describe_deaths
 from tests.support.jobs import list_files, make_result, publish_result, read_result, submit_data
 
 RESULT = make_result()
@@ -64,16 +64,29 @@ def test_finish_may_be_repeated(jobs):
     assert read_result(jobs, run.id) == b"result"
 
 
-def test_the_second_death_of_a_worker_fails_the_job(jobs):
+@pytest.mark.parametrize(
+    ("cause", "why"),
+    [
+        ("", ", because the server lacked memory or time, or the input crashed it; submit"),
+        ("it was not done after 8 s", ", in the last one because it was not done after 8 s; submit"),
+    ],
+)
+def test_the_second_death_of_a_worker_fails_the_job(jobs, cause, why):
     job = submit_data(jobs)
     jobs.queue.pop(("small",), 0.01)
     jobs.lifecycle.retry_after_worker_death(jobs.lifecycle.start(job.id, "a-1"), timed_out=True)
     assert (jobs.get(job.id).state, jobs.get(job.id).has_timed_out) == ("queued", True)
     assert jobs.queue.pop(("small",), 0.01) == job.id
-    jobs.lifecycle.retry_after_worker_death(jobs.lifecycle.start(job.id, "a-2"), timed_out=False)
+    jobs.lifecycle.retry_after_worker_death(jobs.lifecycle.start(job.id, "a-2"), timed_out=False, cause=cause)
     ended = jobs.get(job.id)
-    assert (ended.state, ended.problem, ended.worker_deaths, ended.attempts) == ("failed", WORKER_STOPPED, 2, 2)
-    assert WORKER_STOPPED.status == 503  # the machine may be short of memory
+    assert (ended.state, ended.problem, ended.worker_deaths, ended.attempts) == (
+        "failed",
+        describe_deaths(cause),
+        2,
+        2,
+    )
+    assert ended.problem.status == 503  # the machine may be short of memory
+    assert f"the worker process was stopped in 2 runs{why} again later" in ended.problem.detail
     assert list_files(jobs) == []
     again = submit_data(jobs)
     assert (again.state, again.worker_deaths) == ("queued", 0)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from ciir.errors import WorkerDied
 from ciir.service.jobs.job import INTERNAL_ERROR, NO_ROOM, Problem
 from ciir.service.jobs.workers import recovery
 from tests.support.jobs import list_files, raise_worker_died, read_result, submit_data, wait_for_end, write_double
@@ -78,6 +79,17 @@ def test_a_job_whose_worker_dies_once_is_run_again(service, jobs, pool):
     assert (job.state, job.attempts, job.worker_deaths) == ("done", 2, 1)
     assert [event.kind for event in job.events] == ["queued", "running", "queued", "running", "done"]
     assert read_result(jobs, job.id) == b"datadata"
+
+
+def test_a_cause_that_is_known_is_reported(service, jobs, pool):
+    def run_out_of_time(task, progress, cancelled):
+        raise WorkerDied("was not done", "it was not done after 8 s")
+
+    pool.work = run_out_of_time
+    service.start_consumer(jobs, pool)
+    job = wait_for_end(jobs, submit_data(jobs).id)
+    assert (job.problem.status, len(pool.started)) == (503, 2)
+    assert "in the last one because it was not done after 8 s; submit again later" in job.problem.detail
 
 
 @pytest.mark.parametrize("damage", [b"", b"bb", None])

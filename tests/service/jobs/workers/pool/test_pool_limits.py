@@ -19,11 +19,12 @@ from tests.support.workers.pools import FAST, LONG, run
 def test_a_task_over_the_time_limit_is_stopped(open_pool, make_task, monkeypatch):
     monkeypatch.setattr(module, "WORKING_SHARE", 0.0)  # other processes may keep this machine busy
     pool = open_pool(job_seconds=0.5)
-    with pytest.raises(TimedOut, match=r"not done after"):
+    with pytest.raises(TimedOut, match=r"not done after") as timed_out:
         run(pool, make_task(LONG))
+    assert timed_out.value.cause == "the job was not done after 0.5 s, the operator's limit (CIIR_JOB_SECONDS)"
     problem = run(pool, replace(make_task(LONG), has_timed_out=True))
     assert (problem.status, problem.title) == (422, "Takes too long")
-    assert "0.5 s" in problem.detail
+    assert "0.5 s, twice (CIIR_JOB_SECONDS), the operator's limit;" in problem.detail
     pool._seconds = 60
     assert isinstance(run(pool, make_task(FAST)), Result)  # in a new process
 
@@ -35,6 +36,8 @@ def test_a_machine_that_stood_still_fails_no_task(open_pool, make_task):
         with pytest.raises(WorkerDied, match=r"after 0\.\d s of processor time in 1 s") as died:
             run(pool, task, begun=lambda pid: os.kill(pid, signal.SIGSTOP))
         assert died.type is WorkerDied
+        cause = "the job was not done after 1 s, the operator's limit (CIIR_JOB_SECONDS): the server was overloaded"
+        assert died.value.cause == cause
     pool._seconds = 60
     assert isinstance(run(pool, make_task(FAST)), Result)  # in a new process
 
@@ -42,7 +45,7 @@ def test_a_machine_that_stood_still_fails_no_task(open_pool, make_task):
 def test_processor_time_is_limited(open_pool, make_task):
     problem = run(open_pool(worker_cpu_seconds=1), make_task(LONG))
     assert (problem.status, problem.title) == (422, "Takes too long")
-    assert "1 s of processor time" in problem.detail
+    assert "1 s of processor time (CIIR_WORKER_CPU_SECONDS), the operator's limit;" in problem.detail
 
 
 def test_memory_is_limited(open_pool, make_task, tmp_path, monkeypatch):
