@@ -97,6 +97,8 @@ class Job:
     """Digests of the clients that asked for the job and did not cancel it; empty in a record from an older version."""
     lane: Lane = "small"
     """The queue that it waits in (`service.jobs.lanes`)."""
+    request_id: str = "-"
+    """Id of the HTTP request that submitted it, for the log; `-` in a record from an older version."""
     input: str = ""
     """Name of the input file: the id, a dot and random digits, new for each submission."""
     content: str = ""

@@ -24,6 +24,7 @@ from ciir.service.jobs.records import Records
 from ciir.service.jobs.resource import FULL_AT_START, is_full
 from ciir.service.jobs.watcher import Watcher
 from ciir.service.jobs.workers.task import TaskLimits
+from ciir.service.logs import REQUEST_ID
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -100,7 +101,15 @@ class Jobs:
         name = f"{id_}.{secrets.token_hex(8)}"
         queued = (Event("queued"),)
         new = Job(
-            id_, request, created=time.time(), clients=(client,), lane=lane, input=name, content=content, events=queued
+            id_,
+            request,
+            created=time.time(),
+            clients=(client,),
+            lane=lane,
+            request_id=REQUEST_ID.get(),
+            input=name,
+            content=content,
+            events=queued,
         )
         self._put_input(new, file)
         created = self.records.update(id_, lambda job: self._join(job, client) or new) or new

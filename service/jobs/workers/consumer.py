@@ -18,7 +18,7 @@ from ciir.service.jobs.resource import is_full
 from ciir.service.jobs.workers.consumer_lock import ConsumerLock
 from ciir.service.jobs.workers.recovery import HEARTBEAT_SECONDS, Recovery, create_lease
 from ciir.service.jobs.workers.task import Hooks, Task
-from ciir.service.logs import FIELDS
+from ciir.service.logs import FIELDS, REQUEST_ID
 
 if TYPE_CHECKING:
     from ciir.service.jobs.job import Job
@@ -34,6 +34,8 @@ SWEEP_SECONDS = 30.0
 PROGRESS_EVENTS = 240
 """Progress events in a job's first minute, four a second. Later there is one for each 240th part of its age, so that
 the record of a job that takes hours stays small."""
+LOST = "it was cancelled, or taken over by another consumer"
+"""Why a run has lost its lease."""
 _log = logging.getLogger("ciir.jobs")
 
 
@@ -119,7 +121,8 @@ class Consumer:
         return run
 
     def _run_job(self, run: _Run) -> None:
-        """Runs a job and stores the outcome."""
+        """Runs a job and stores the outcome. Lines of the log have the id of the request that submitted it."""
+        token = REQUEST_ID.set(run.job.request_id)
         try:
             outcome = self._get_outcome(run)
             run.log_end(outcome)
@@ -130,6 +133,7 @@ class Consumer:
             if isinstance(outcome, Cancelled) and not run.cancelled.is_set():  # the pool is closed
                 self._stopping.wait(RETRY_SECONDS)
         finally:
+            REQUEST_ID.reset(token)
             with self._lock:
                 del self._runs[run.job.lease]
 
@@ -167,7 +171,7 @@ class Consumer:
         try:
             if isinstance(outcome, Result | Problem):
                 if not self._jobs.lifecycle.finish(job, outcome):
-                    _log.info("job %s: it was cancelled, or taken over by another consumer", job.id)
+                    _log.info("job %s: %s", job.id, LOST)
             elif isinstance(outcome, WorkerDied):
                 timed_out = isinstance(outcome, TimedOut)
                 self._jobs.lifecycle.retry_after_worker_death(job, timed_out=timed_out, cause=outcome.cause)
@@ -210,7 +214,7 @@ class Consumer:
         for run in runs:
             now = jobs.get(run.job.id)
             if now is None or now.lease != run.job.lease or now.state != "running":
-                run.cancelled.set()
+                run.stop_without_lease()
             else:
                 run.store_progress(self._jobs)
                 if run.is_overstaying() and self._jobs.queue.count_waiting("small"):
@@ -228,6 +232,7 @@ class _Run:
         """Stops the worker process."""
         self.is_moved = False
         """Whether it was stopped to be run in the large lane."""
+        self._has_lease = True
         self._holds_small = holds_small
         self._begun: float | None = None
         self._fields: dict[str, Any] = {
@@ -264,10 +269,15 @@ class _Run:
         elif self.is_moved:
             text = "moved to the large lane, because small jobs are waiting"
         else:
-            text = "stopped: it was cancelled, or the server stops"
+            text = f"stopped: {'the server stops' if self._has_lease else LOST}"
         fields = self._fields | {"seconds": seconds, "status": status}
         kind = self.job.request.kind
         _log.log(level, "job %s: %s, after %g s %s", self.job.id, kind, seconds, text, extra={FIELDS: fields})
+
+    def stop_without_lease(self) -> None:
+        """Stops the worker process, because the run has lost its lease."""
+        self._has_lease = False
+        self.cancelled.set()
 
     def is_overstaying(self) -> bool:
         """Checks whether it has occupied the thread for small jobs for over `SMALL_SECONDS`."""
@@ -290,6 +300,6 @@ class _Run:
             self._stored, self._stored_at = data, now
         try:
             if not jobs.lifecycle.add_progress(self.job, data):
-                self.cancelled.set()
+                self.stop_without_lease()
         except QueueUnavailable as error:
             _log.warning("job %s: its progress was not stored: %s", self.job.id, error)

@@ -40,6 +40,17 @@ def choose_id(given: str) -> str:
     return given if _ID.fullmatch(given) else uuid4().hex
 
 
+def describe_client(scope: Scope) -> dict[str, str]:
+    """Returns the fields of a log line that say who sent a request.
+
+    `client` is the address. `key` is there if the request sent one of the server's API keys: the first 8 digits of the
+    key's SHA-256.
+    """
+    address = scope["client"][0] if scope.get("client") else ""
+    key = scope.get("state", {}).get("client", "")[:8]  # the whole digest is set by `api_keys.require_key`
+    return {"client": address} | ({"key": key} if key else {})
+
+
 class RequestTracking:
     """The outermost ASGI middleware. An exception that nothing else handles is answered with 500 and raised again."""
 
@@ -97,5 +108,5 @@ class RequestTracking:
             return
         milliseconds = round(1000 * seconds, 1)
         line = f"{method} {path} {status} {milliseconds} ms, {received} bytes in, {sent} out"
-        fields = {"method": method, "path": path, "status": status, "ms": milliseconds}
+        fields = {"method": method, "path": path, "status": status, "ms": milliseconds} | describe_client(scope)
         _log.info("%s", line, extra={FIELDS: fields | {"bytes_in": received, "bytes_out": sent}})

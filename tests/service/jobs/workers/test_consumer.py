@@ -150,12 +150,16 @@ def test_the_log_shows_each_run(service, jobs, pool, caplog):
 
 
 @pytest.mark.parametrize("where", ["this process", "another process"])
-def test_a_cancelled_job_stops(service, jobs, pool, gate, where):
+def test_a_cancelled_job_stops(service, pool, gate, caplog, where):
+    jobs = service.open_jobs()
     service.start_consumer(jobs, pool)
     job = submit_data(jobs)
     gate.wait_for_task()
-    (jobs if where == "this process" else service.open_jobs()).cancel(job.id)
-    wait_until(lambda: jobs.files.list_runs() == [])  # the gate is closed: the task was cancelled
+    with caplog.at_level(logging.INFO):
+        (jobs if where == "this process" else service.open_jobs()).cancel(job.id)
+        wait_until(lambda: jobs.files.list_runs() == [])  # the gate is closed: the task was cancelled
+        wait_until(lambda: "stopped: it was cancelled, or taken over by another consumer" in caplog.text)
+    assert "the server stops" not in caplog.text
     gate.open()
     assert wait_for_end(jobs, submit_data(jobs, b"later").id).state == "done"
     assert [event.kind for event in jobs.get(job.id).events] == ["queued", "running", "cancelled"]
@@ -213,12 +217,15 @@ def test_stop_lets_running_jobs_finish(service, jobs, pool, gate):
     assert jobs.queue.heartbeats.items() == {}
 
 
-def test_stop_requeues_jobs_that_do_not_finish(service, jobs, pool, gate):
+def test_stop_requeues_jobs_that_do_not_finish(service, jobs, pool, gate, caplog):
     consumer = service.start_consumer(jobs, pool, 2)
     ids = [submit_data(jobs, bytes([number])).id for number in range(3)]
     gate.wait_for_task()
     gate.wait_for_task()
-    service.stop_consumer(consumer, 0)
+    with caplog.at_level(logging.INFO):
+        service.stop_consumer(consumer, 0)
+    assert caplog.text.count("stopped: the server stops") == 2
+    assert "cancelled" not in caplog.text
     assert {jobs.get(id_).state for id_ in ids} == {"queued"}
     assert jobs.queue.list_waiting() == set(ids)
     assert jobs.files.list_runs() == []

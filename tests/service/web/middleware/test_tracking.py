@@ -1,11 +1,12 @@
 import json
 import logging
+from hashlib import sha256
 
 import pytest
 
 from ciir.service import logs
 from ciir.service.web.middleware.tracking import SECURITY_HEADERS
-from tests.support.web import check_problem, post_file
+from tests.support.web import check_problem, post_file, run_app
 
 
 @pytest.fixture
@@ -45,18 +46,32 @@ def test_lines_as_json(client, caplog, eia):
     caplog.handler.setFormatter(logs._Json())
     response = post_file(client, data=eia, lenses="6x9", headers={"X-Request-Id": "r-1"})
     entries = [json.loads(line) for line in caplog.text.splitlines() if '"logger": "ciir.' in line]
-    assert {line["request_id"] for line in entries if "worker" not in line} == {"r-1"}  # runs belong to no request
+    assert [line["request_id"] for line in entries if "worker" in line] == ["r-1"] * 2  # a run's begin and end
+    assert {line["request_id"] for line in entries} == {"r-1"}
     access = next(line for line in entries if line["logger"] == "ciir.access")
-    assert {name: access[name] for name in ("method", "path", "status", "bytes_out", "level")} == {
+    assert {name: access[name] for name in ("method", "path", "status", "bytes_out", "level", "client")} == {
         "method": "POST",
         "path": "/v1/reconstructions",
         "status": 200,
         "bytes_out": len(response.content),
         "level": "INFO",
+        "client": "testclient",
     }
+    assert "key" not in access
     job = next(line for line in entries if line["logger"] == "ciir.jobs" and "worker" not in line)
     assert response.headers["x-reconstruction-id"] in job["message"]
     assert job["job"] == response.headers["x-reconstruction-id"]
+
+
+@pytest.mark.parametrize("header", [{"X-API-Key": "first"}, {"Authorization": "Bearer first"}])
+def test_a_line_names_the_key_by_its_digest(tmp_path, lines, header):
+    with run_app(tmp_path, api_keys="first,second") as guarded:
+        guarded.get("/v1/models", headers=header)
+        guarded.get("/v1/models", headers={"X-API-Key": "wrong"})
+    right, wrong = (record.fields for record in lines())
+    assert (right["client"], right["key"]) == ("testclient", sha256(b"first").hexdigest()[:8])
+    assert (wrong["client"], "key" in wrong) == ("testclient", False)
+    assert "first" not in str(right)
 
 
 def test_an_unexpected_exception_is_a_problem_with_an_id(client, eia, monkeypatch):
