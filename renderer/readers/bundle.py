@@ -27,6 +27,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+PACKED = frozenset({zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED})
+"""How files in a zip may be packed: zipfile unpacks others whole, however little is read."""
+
+
 @dataclass(frozen=True)
 class Bundle:
     """The files of an input. Keys of `files` are relative, normalised, with `/`."""
@@ -289,7 +293,7 @@ def check_members(name: str, members: list[zipfile.ZipInfo], limits: Limits) -> 
             raise UnsupportedType(f"{name}: {what} is a link; pack the file itself")
         if member.flag_bits & 0x1:
             raise Unreadable(f"{name}: {what} is encrypted; pack it without a password")
-        if member.compress_type not in {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}:
+        if member.compress_type not in PACKED:
             raise UnsupportedType(f"{name}: {what} is packed in a rare way; pack it with plain deflate")
         if key in found:
             raise Unreadable(f"{name}: holds {what} twice; pack it once")

@@ -7,13 +7,15 @@ import math
 import os
 import zipfile
 from dataclasses import replace
+from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, BinaryIO, NamedTuple, cast
 
 from ciir.errors import InputError
 from ciir.models import catalogue
 from ciir.renderer.displays.pictures import find_kind, find_target
 from ciir.renderer.readers import picture_sizes
-from ciir.renderer.readers.names import is_hidden
+from ciir.renderer.readers.bundle import PACKED
+from ciir.renderer.readers.names import FRAMES, is_hidden
 from ciir.renderer.readers.registry import ARRAYS, ZIP, find_by_signature, is_container, is_mesh, is_picture
 from ciir.renderer.sampling import LENSLET_SAMPLES
 from ciir.renderer.writers.formats import FORMATS
@@ -37,10 +39,10 @@ _READ, _DRAW, _SAMPLE = 4e-7, 1.6e-7, 2.5e-7
 """Typical seconds to read a byte, to draw a triangle with OpenGL, and to take a sample of a mesh."""
 _DECODE, _RESAMPLE = 3e-8, 3e-7
 """Typical seconds for a pixel of a picture, and the additional time for a pixel of a raw lenslet picture."""
-_MULTIPLY_ADD, _WRITE, _FRAME = 2e-11, 1e-7, 2e-7
+_MULTIPLY_ADD, _WRITE, _FRAME = 2e-11, 1e-7, 4e-7
 """Typical seconds for a network's multiply-add, for a pixel that is written, and for a pixel of a video's frame."""
-_SHIFT, _MATCH, _MODEL = 1e-8, 2e-5, 3e-4
-"""Typical seconds for a view's pixel in a depth plane, and for a pixel of a disparity map, and of a view that becomes a
+_SHIFT, _MATCH, _MODEL = 1e-8, 2e-5, 1.5e-6
+"""Typical seconds for a view's pixel in a depth plane, for a pixel of a disparity map, and for a view's pixel in a
 model."""
 _TRIANGLE_BYTES, _SAMPLES = 12, 3
 """Least bytes of a triangle in usual files: three indices of 4 bytes; and of a pixel in a file of arrays."""
@@ -103,7 +105,7 @@ def estimate_seconds(request: Request, content: Content) -> float:
     if request.kind == "plane":
         written += lenses * larger * (_MATCH + grid * _SHIFT * (options.stack[2] if options.stack else 1))
     elif request.kind == "disparity":
-        written += lenses * larger * (_MODEL if request.format in MODELS else _MATCH)
+        written += lenses * larger * (grid * _MODEL if request.format in MODELS else _MATCH)
     elif request.format is not None and "frames" in FORMATS[request.format].uses:
         written += lenses * larger * options.frames * _FRAME
     if pixels is not None:
@@ -165,9 +167,12 @@ def measure(file: BinaryIO) -> Content:
 def _measure_zip(file: BinaryIO, size: int) -> Content:
     file.seek(max(0, size - _DIRECTORY_BYTES))
     with zipfile.ZipFile(io.BytesIO(file.read())) as archive:
-        names = [member.filename for member in archive.infolist() if not is_hidden(member.filename)]
-        unpacked = max(size, sum(member.file_size for member in archive.infolist()))
-    pictures = [name for name in names if is_picture(name)]
+        members = archive.infolist()
+    if any(member.compress_type not in PACKED for member in members):  # refused later; a small part of it may be huge
+        return Content(math.inf)
+    names = [member.filename for member in members if not is_hidden(member.filename)]
+    unpacked = max(size, sum(member.file_size for member in members))
+    pictures = [name for name in names if is_picture(name) and PurePosixPath(name).stem.lower() not in FRAMES]
     if any(is_mesh(name) for name in names):
         return Content(unpacked)
     if not pictures:

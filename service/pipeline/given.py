@@ -63,7 +63,8 @@ def read_given(path: File) -> str | tuple[str, bytes]:
         text = os.fspath(path)
     except TypeError as error:
         raise InvalidOption(
-            f"a path, a file, bytes or a NumPy array is needed, not {type(path).__name__}; give a file's name"
+            f"a path, a file, bytes or a NumPy array is needed, not {type(path).__name__}; give a file's name, or "
+            "np.asarray(...) of numbers"
         ) from error
     return os.fsdecode(text)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -9,7 +10,9 @@ from ciir.errors import InputError
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures
 from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.layout import DEPTH_SENSE_TEXT
 from ciir.renderer.readers.names import clean_text
+from ciir.renderer.readers.png import find_text
 from ciir.renderer.readers.registry import is_picture
 from ciir.training.data.light_field.views import drop_alpha
 from ciir.training.evaluation.metrics import average
@@ -44,6 +47,12 @@ def compare_by_name(result: Path, truth: Path, *, border: int) -> Measured:
     if not names:
         raise ValueError(
             f"{result}: no picture in it has the name of one in {truth}; give folders with the same names in both"
+        )
+    senses = [find_text(pictures[names[0]].load(), DEPTH_SENSE_TEXT) for pictures in (found, true)]
+    if None not in senses and senses[0] != senses[1]:
+        raise ValueError(
+            f"{result}: its views count {senses[0]}, those of {truth} {senses[1]}, so equal names are other views; "
+            "give whole light fields, or sets of one depth sense"
         )
     white = White(true[name].read() for name in names)
     scores = {}
@@ -81,16 +90,21 @@ class _Picture(NamedTuple):
     files: Mapping[str, bytes]
     """All files of the folder or zip."""
 
+    def load(self) -> bytes:
+        return self.files[self.key]
+
     def read(self) -> NDArray[Any]:
-        return read_picture(self.files[self.key], self.path).views
+        return read_picture(self.load(), self.path).views
 
 
 def _find_pictures(path: Path) -> dict[str, _Picture]:
-    """Returns the pictures in a folder or a zip by their names without suffixes, sorted."""
+    """Returns the pictures in a folder or a zip by their names without suffixes and a folder that holds all, sorted."""
     files = Bundle.from_path(path).files
+    keys = sorted(filter(is_picture, files))
+    folder = os.path.commonpath([PurePosixPath(key).parent for key in keys]) if keys else ""
     found: dict[str, _Picture] = {}
-    for key in sorted(filter(is_picture, files)):
-        name = str(PurePosixPath(key).with_suffix(""))
+    for key in keys:
+        name = str(PurePosixPath(key).with_suffix("").relative_to(folder))
         if name in found:
             raise ValueError(f"{path}: {clean_text(found[name].key)} and {clean_text(key)} have one name; remove one")
         found[name] = _Picture(key, path / key, files)

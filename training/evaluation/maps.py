@@ -39,6 +39,8 @@ def compare_maps(result: Path, truth: Path) -> tuple[MapScore, tuple[str, ...]]:
 
     Raises `ValueError` if one can't be read, their sizes differ, or no pixel of the truth counts.
     """
+    if not result.exists():
+        raise ValueError(f"{result}: no such file; give a result and its truth")
     found, true = read_map(result), read_map(truth)
     beside = truth.with_stem(truth.stem + CONFIDENCE)
     _check_size(result, found, truth, true)

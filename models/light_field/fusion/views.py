@@ -122,6 +122,7 @@ class FusingUpscaler:
         self._most_views = (BLOCK_SIDE - 1 + WINDOW_SIDE * stride) * longest
         self._views: dict[View, Pixels] = {}
         self._upscaled: dict[View, _Upscaled] = {}
+        self._samplings: dict[View, Sampling | None] = {}  # of all so far: means of rows outlive the views
         self._rows: dict[View, _Row] = {}
 
     def __call__(self, views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, list[Finishing]]:
@@ -170,6 +171,7 @@ class FusingUpscaler:
             some = missing[first : first + count]
             pictures, finished = upscale_spaced_views(self._upscale, self._views, some, self._grid, self._stride)
             self._upscaled.update(zip(some, map(_Upscaled, pictures, finished), strict=True))
+            self._samplings.update((view, each.sampling) for view, each in zip(some, finished, strict=True))
 
     def _fuse_rows(self, wanted: Iterable[View]) -> None:
         """Takes the mean of each of `wanted` and those beside it in its row, unless it is kept."""
@@ -202,8 +204,7 @@ class FusingUpscaler:
     def _find_sampling(self, view: View) -> Sampling | None:
         """Returns how `view` was sampled. If that is unknown, it is assumed to be means like most of its block."""
         block = list_block(view, self._grid)
-        samplings = [self._upscaled[other].finishing.sampling for other in block]
-        return self._upscaled[view].finishing.sampling or find_common_means(samplings)
+        return self._samplings[view] or find_common_means([self._samplings[other] for other in block])
 
     def _fuse(self, view: View, picture: Pixels, sampling: Sampling | None) -> None:
         """Changes `picture`, the upscaled `view`, to the mean of its block. All channels change by as much as luma."""

@@ -86,13 +86,14 @@ def read(
     grids = find_grids(names, name, shape=layout.pixels, first=_FIRST.get(layout.order))
     check_sizes(files, [file for row in grids[0].files for file in row], name)
     own = _read_own_depth_sense(files, names)
+    is_own = own is not None and OWN_NAME.fullmatch(PurePosixPath(names[0]).name) is not None
     decoder = Decoder(files, name, limits)
     found = [_make_views(grid, decoder, views, own) for grid in grids]
     if len(grids) == 1 or (layout.pixels is not None and not is_automatic(layout)):
         grid, light_field = grids[0], found[0]
     else:
         grid, light_field = _select_by_pictures(grids, found, name, has_shape=layout.pixels is not None)
-    settled = _note_shape(_settle_order(light_field, grid, layout, is_own=own is not None), layout)
+    settled = _note_shape(_settle_order(light_field, grid, layout, is_own=is_own), layout)
     notes = note_profile(files[settled.some], clean_text(settled.some))
     notes += (ROUNDED,) * is_rounded(files[settled.some])
     return replace(settled, notes=(*settled.notes, *notes))
@@ -218,11 +219,10 @@ def _read_own_depth_sense(files: Mapping[str, bytes], names: Sequence[str]) -> D
     """Returns the depth sense of views that we wrote, from the report next to them or from the first of them; None if
     neither states it.
     """
-    path = PurePosixPath(names[0])
-    if OWN_NAME.fullmatch(path.name) is None:
-        return None
-    start = read_start(files, names[0], START_BYTES) or b""
-    stated = _read_report(files, str(path.parent / "report.json")) or find_text(start, DEPTH_SENSE_TEXT)
+    path, stated = PurePosixPath(names[0]), None
+    if OWN_NAME.fullmatch(path.name) is not None:
+        stated = _read_report(files, str(path.parent / "report.json"))
+    stated = stated or find_text(read_start(files, names[0], START_BYTES) or b"", DEPTH_SENSE_TEXT)
     return cast("DepthSense", stated) if stated in get_args(DepthSense) else None
 
 

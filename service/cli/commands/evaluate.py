@@ -58,8 +58,8 @@ def _evaluate_pictures(args: argparse.Namespace, options: Options) -> None:
     count = next((n for n, word in enumerate(args.words) if n and not (word in known or word.endswith(".json"))), None)
     if count is None:
         raise InvalidOption(
-            "evaluate: give MODELs and FOLDERs of pictures, --light-field INPUT, or --truth INPUT and RESULTs; see "
-            "ciir evaluate --help"
+            "evaluate: give MODELs and FOLDERs of pictures (as ./NAME if a model has that name), --light-field INPUT, "
+            "or --truth INPUT and RESULTs; see ciir evaluate --help"
         )
     models, names = args.words[:count], args.words[count:]
     for name in names:
@@ -85,6 +85,8 @@ def _evaluate_pictures(args: argparse.Namespace, options: Options) -> None:
 
 
 def _evaluate_views(args: argparse.Namespace, options: Options) -> None:
+    if args.network_only and options.fusion != Options.fusion:
+        raise InvalidOption("--fusion: --network-only scores views without it; leave one of them out")
     names = args.words or [LIGHT_FIELD_DEFAULT]
     for name in names:
         if name not in list_names() and Path(name).is_dir():

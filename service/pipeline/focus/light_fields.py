@@ -111,8 +111,7 @@ def find_depths(options: Options, report: Report, scale: int = 1) -> DepthScale 
     if options.camera_pitch is None or options.focal_length is None or options.sensor is None:
         if array["pitch"] is None or array["delta"] is None:
             return None
-        scaled = array | {"pitch": array["pitch"] / scale}
-        lenses = LensArray(*(scaled[name] for name in ("rows", "cols", "pixels_v", "pixels_u", "pitch", "delta")))
+        lenses = LensArray(*(array[name] for name in ("rows", "cols", "pixels_v", "pixels_u", "pitch", "delta")))
         return DepthScale.of_lenses(lenses, sense="cameras")
     if array["pitch"] is not None or array["delta"] is not None:
         raise InvalidOption("camera_pitch: this is for camera arrays and the input has a lens array; leave one out")

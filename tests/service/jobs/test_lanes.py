@@ -166,6 +166,30 @@ def test_sets_of_views_count_by_their_pixels(options, kind, form, expected):
     assert choose_lane(request, io.BytesIO(data)) == expected
 
 
+def test_only_the_start_of_a_picture_in_a_zip_is_unpacked(monkeypatch):
+    heads = []
+    monkeypatch.setattr(lanes, "_measure_picture", lambda head: heads.append(len(head)) or 5)
+    assert measure(io.BytesIO(make_zip(bytes(9_000_000), b"", suffix=".png"))).view == 5
+    assert max(heads) <= 1 << 18
+    for way in (zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA):  # zipfile would unpack all of it
+        file = io.BytesIO()
+        with zipfile.ZipFile(file, "w", way) as archive:
+            archive.writestr("a.png", bytes(9_000_000))
+        assert measure(file) == Content(float("inf"))
+    assert len(heads) == 1
+
+
+def test_what_is_no_view_in_a_zip():
+    picture = make_png_header(30, 20)
+    assert measure(io.BytesIO(make_zip(picture, suffix=".png")))[1:] == (600, None)
+    for other in ("white.png", "__MACOSX/._0.png"):
+        file = io.BytesIO()
+        with zipfile.ZipFile(file, "w") as archive:
+            archive.writestr(other, b"?")
+            archive.writestr("0.png", picture)
+        assert measure(file)[1:] == (600, None)
+
+
 def test_arrays_count_by_their_pixels():
     for options, expected in (({}, "small"), ({"views": "all"}, "large")):
         assert choose(options, b"\x93NUMPY" + bytes(16_000_000)) == expected

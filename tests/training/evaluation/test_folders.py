@@ -1,8 +1,11 @@
+import zipfile
+
 import numpy as np
 import pytest
 
 pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
 
+from ciir.renderer.light_field import LightField
 from ciir.renderer.writers.pictures import encode
 from ciir.training.evaluation.results import compare
 
@@ -84,3 +87,20 @@ def test_a_corrupt_picture_of_a_pair(tmp_path):
     (found / "a.png").write_bytes((truth / "a.png").read_bytes()[:200])
     with pytest.raises(ValueError, match=r"r/a\.png: "):
         compare(found, truth, border=2)
+
+
+def test_a_zip_of_a_folder_has_the_names_in_it(tmp_path):
+    truth = write(tmp_path / "t", name_views(VIEWS))
+    with zipfile.ZipFile(tmp_path / "r.zip", "w") as archive:
+        for path in sorted(truth.iterdir())[:3]:
+            archive.write(path, f"some/folder/{path.name}")
+    assert compare(tmp_path / "r.zip", truth, border=2).mean.pictures == 3
+
+
+def test_sets_of_different_depth_senses_are_not_compared_by_name(tmp_path):
+    views = np.stack(list(name_views(np.ndindex(3, 3)).values())).reshape(3, 3, *PICTURE.shape)
+    for sense in ("lenses", "cameras"):
+        LightField(views).with_depth_sense(sense).save(tmp_path / sense)
+    (tmp_path / "cameras" / "view_02_02.png").unlink()
+    with pytest.raises(ValueError, match=r"its views count cameras, those of .*/lenses lenses, so"):
+        compare(tmp_path / "cameras", tmp_path / "lenses", border=2)

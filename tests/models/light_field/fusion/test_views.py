@@ -98,6 +98,22 @@ def test_rows_and_columns_in_either_direction_are_upscaled_once(order):
     assert len(upscale.made) == 49
 
 
+@pytest.mark.parametrize("at_once", [1, 4])
+def test_views_in_no_order(at_once):
+    """Means of rows are kept for longer than the views that they are of."""
+    grid = (15, 15)
+    views = make_views(grid)
+    order = [*views]
+    np.random.default_rng(0).shuffle(order)
+    fusing = make_upscaler(Upscaling(), views, grid)
+    for first in range(0, 60, at_once):
+        wanted = [tuple(view) for view in order[first : first + at_once]]
+        made, _ = fusing({}, wanted)
+        assert len(made) == at_once
+    (alone,), _ = make_upscaler(Upscaling(), views, grid)({}, wanted[-1:])
+    assert np.array_equal(made[-1], alone)
+
+
 def test_windows_of_every_second_view():
     views = make_views((11, 10))
     every, _ = make_upscaler(Upscaling(), views, (11, 10), 2)(views, list(views))

@@ -116,7 +116,10 @@ def test_our_own_views_state_their_depth_sense_without_the_report(tmp_path):
         assert ciir.open(tmp_path / sense).depth_sense == sense
     for path in (tmp_path / "lenses").iterdir():
         path.rename(path.with_name(path.name.replace("view", "mine")))
-    assert ciir.open(tmp_path / "lenses").depth_sense == "cameras"  # as other views
+    assert ciir.open(tmp_path / "lenses").depth_sense == "lenses"
+    report = json.dumps({"lens_array": {"depth_sense": "lenses"}})
+    (tmp_path / "cameras" / "report.json").write_text(report)  # as edited by hand
+    assert ciir.open(tmp_path / "cameras").depth_sense == "lenses"
 
 
 class Starts(dict[str, bytes]):

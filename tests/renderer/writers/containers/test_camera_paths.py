@@ -52,13 +52,13 @@ def test_frames_are_the_views_at_their_positions():
     assert frames == [0, 29, 100, 171, 200, 171, 100, 29]
 
 
-@pytest.mark.parametrize("disparity", [-4, 6])
-def test_content_between_views_is_seen_once(disparity):
+@pytest.mark.parametrize(("down", "across"), [(-4, 6), (6, 0)])
+def test_content_between_views_is_seen_once(down, across):
     texture = ndimage.gaussian_filter(np.random.default_rng(0).random((120, 120, 3)), (1.5, 1.5, 0))
     texture = ((texture - texture.min()) / np.ptp(texture) * 255).astype(np.uint8)
 
     def look(v, u):
-        top, left = 30 + round(v * disparity), 30 + round(u * disparity)
+        top, left = 30 + round(v * down), 30 + round(u * across)
         return texture[top : top + 48, left : left + 56]
 
     views = np.array([[look(v, u) for u in range(4)] for v in range(4)])

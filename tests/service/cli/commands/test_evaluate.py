@@ -140,6 +140,8 @@ def test_evaluate_a_light_field(tmp_path, capsys, monkeypatch):
         (("quality", 4), tmp_path, protocol),
         ((models.catalogue.LIGHT_FIELD_DEFAULT, 2), tmp_path, protocol | {"network_only": True}),
     ]
+    other = fails(capsys, *given, "--network-only", "--fusion", "always")
+    assert "--fusion: --network-only scores views without it; leave one of them out" in other
     assert "--network-only: this goes with --light-field" in fails(capsys, "evaluate", "fast", ".", "--network-only")
     assert "no view (8, 8)" in fails(capsys, *given, "--grid", "9x9")
 
