@@ -2,7 +2,7 @@
 
 A plane sweep over its nearest neighbours in its row and column finds the disparity to a quarter of a pixel. Two steps
 of least squares on the gradient (Lucas and Kanade, IJCAI 1981) refine it, the second one with views that are farther
-away too. `ciir.renderer.focus` is more exact, because it makes pixels agree with their neighbours, and takes 20 times
+away. `ciir.renderer.focus` is more exact, because it makes pixels agree with their neighbours, and takes 20 times
 as long.
 """
 
@@ -49,7 +49,8 @@ def estimate_disparity(own: Plane, beside: Mapping[View, Plane], limits: Range) 
     """
     nearest = _list_nearest(beside)
     disparity = _sweep(own, nearest, limits)
-    for views in (nearest, beside):
+    farther = {offset: luma for offset, luma in beside.items() if offset not in nearest}
+    for views in (nearest, farther or nearest):
         disparity += _find_step(own, views, disparity)
     return _remove_outliers(disparity)
 
