@@ -18,7 +18,6 @@ from ciir.renderer.readers.metadata.colour_profiles import note_profile
 from ciir.renderer.readers.names import clean_text, is_hidden
 from ciir.renderer.readers.picture_sizes import START_BYTES, read_start
 from ciir.renderer.readers.pictures import is_rounded
-from ciir.renderer.readers.png import find_text
 from ciir.renderer.readers.registry import is_picture
 from ciir.renderer.readers.view_set.grid import describe_unknown_shape, find_grids
 from ciir.renderer.readers.view_set.order import (
@@ -219,6 +218,8 @@ def _read_own_depth_sense(files: Mapping[str, bytes], names: Sequence[str]) -> D
     """Returns the depth sense of views that we wrote, from the report next to them or from the first of them; None if
     neither states it.
     """
+    from ciir.renderer.readers.png import find_text  # it imports Pillow
+
     path, stated = PurePosixPath(names[0]), None
     if OWN_NAME.fullmatch(path.name) is not None:
         stated = _read_report(files, str(path.parent / "report.json"))

@@ -20,7 +20,7 @@ def run(metrics, work):
 
 def test_outcomes_are_counted_by_status():
     def die():
-        raise WorkerDied
+        raise WorkerDied("was ended")
 
     metrics = Metrics()
     assert run(metrics, lambda: RESULT) is RESULT
