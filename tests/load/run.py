@@ -34,6 +34,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ciir.benchmarks import machine
+from ciir.renderer.readers.png import SIGNATURE
 from ciir.service.cli import main as cli
 from tests.load.requests import LATER, Connection, LoadAnswer, find_origin, make_form, make_request, small
 from tests.load.server import Seen, watch
@@ -190,8 +191,9 @@ def list_differences(numbers: Sequence[int], answers: Path, folder: Path) -> lis
 def _difference(number: int, answers: Path, folder: Path) -> str:
     given = make_request(number)
     (answer,) = answers.glob(f"{number}-*")
-    status = int(answer.name.partition("-")[2])
-    file, out = folder / f"{number}-{given.name}", folder / str(number)
+    status, body = int(answer.name.partition("-")[2]), answer.read_bytes()
+    file = folder / f"{number}-{given.name}"
+    out = folder / (f"{number}.png" if body.startswith(SIGNATURE) else str(number))  # one view, or a folder of them
     file.write_bytes(given.data)
     options = [word for name, value in given.options.items() for word in (f"--{name}", value)]
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as errors:
@@ -204,11 +206,12 @@ def _difference(number: int, answers: Path, folder: Path) -> str:
             "" if is_refused else f"{what}: answered {status}, the command line ends with {ended}: {errors.getvalue()}"
         )
     if status != 200:
-        return f"{what}: answered {status}, the command line makes it: {answer.read_bytes()[:300]!r}"
-    made = {path.name: path.read_bytes() for path in out.glob("*.png")}
-    for path in out.iterdir():
+        return f"{what}: answered {status}, the command line makes it: {body[:300]!r}"
+    paths = [out] if out.is_file() else [*out.iterdir()]
+    made = {path.name: path.read_bytes() for path in paths if path.suffix == ".png"}
+    for path in paths:
         path.unlink()
-    got = _pictures(answer.read_bytes())
+    got = _pictures(body)
     if len(made) == 1 and len(got) == 1:
         return "" if list(made.values()) == list(got.values()) else f"{what}: another picture"
     wrong = sorted(name for name in made.keys() | got.keys() if made.get(name) != got.get(name))
