@@ -156,7 +156,6 @@ def test_pictures_for_displays_count_by_the_views_that_are_upscaled(model, expec
         ({"views": "all"}, "reconstruction", None, "large"),
         ({"model": "none"}, "disparity", "pfm", "small"),
         ({"model": "none"}, "disparity", "glb", "large"),
-        ({"lenses": "9x9"}, "reconstruction", None, "small"),  # the views state their own number of pixels
     ],
 )
 def test_sets_of_views_count_by_their_pixels(options, kind, form, expected):
@@ -188,6 +187,13 @@ def test_what_is_no_view_in_a_zip():
             archive.writestr(other, b"?")
             archive.writestr("0.png", picture)
         assert measure(file)[1:] == (600, None)
+
+
+def test_views_state_their_own_number_of_pixels():
+    """Two of 1500x1500; without their number, they would be those of an array of 15x15."""
+    data = make_zip(make_png_header(1500, 1500), b"", suffix=".png")
+    assert choose({}, data) == "large"
+    assert choose({"model": "none"}, data) == "small"
 
 
 def test_arrays_count_by_their_pixels():

@@ -11,6 +11,7 @@ from ciir.models.light_field.fusion.views import (
     FusingUpscaler,
     explain_no_fusion,
     list_block,
+    list_cross,
     list_fused_views,
 )
 from ciir.models.light_field.planes import Range
@@ -65,6 +66,11 @@ def make_upscaler(upscale, views, grid=GRID, stride=1, *, fusion="always", is_jp
 )
 def test_a_block_is_moved_inwards_at_the_border(view, grid, rows, cols):
     assert list_block(view, grid) == [(v, u) for v in rows for u in cols]
+
+
+def test_the_disparity_is_measured_with_five_views_of_each_line():
+    assert list_cross((0, 3), (6, 7)) == [(0, 1), (0, 2), (0, 3), (0, 4), (0, 5), (1, 3), (2, 3), (3, 3), (4, 3)]
+    assert list_cross((1, 1), (2, 3)) == [(0, 1), (1, 0), (1, 1), (1, 2)]
 
 
 @pytest.mark.parametrize("cores", [1, 2])

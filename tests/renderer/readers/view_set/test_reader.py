@@ -1,5 +1,6 @@
 import io
 import json
+import zipfile
 from collections.abc import Mapping
 
 import numpy as np
@@ -111,6 +112,10 @@ def test_the_depth_sense_of_our_own_views_is_in_their_report() -> None:
 def test_our_own_views_state_their_depth_sense_without_the_report(tmp_path):
     light_field = ciir.LightField(np.zeros((2, 3, 4, 5, 3), np.uint8))
     for sense in ("lenses", "cameras"):
+        light_field.with_depth_sense(sense).save(tmp_path / f"{sense}.zip")
+        with zipfile.ZipFile(tmp_path / f"{sense}.zip") as archive:
+            copied = {name: archive.read(name) for name in archive.namelist() if name != "report.json"}
+        assert read(copied).depth_sense == sense
         light_field.with_depth_sense(sense).save(tmp_path / sense)
         (tmp_path / sense / "report.json").unlink()
         assert ciir.open(tmp_path / sense).depth_sense == sense

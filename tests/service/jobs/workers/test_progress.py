@@ -59,6 +59,8 @@ def test_two_threads_may_be_in_one_stage():
         with clock.stage("map"):
             together.wait(5)
             others.wait(5)  # the other one has left
+            with clock.stage("upscale"):  # which is not the earliest
+                pass
 
     with ThreadPoolExecutor(2) as pool:
         left = threading.Barrier(2)
