@@ -80,11 +80,11 @@ def test_the_network_only_has_the_score_of_the_log(exported, checkpoint, views):
     network = load_network(checkpoints.read_checkpoint(checkpoint))
     logged = light_field_validation.validate_network(network, light_field_validation.read_light_field(views, 2))
     assert logged == pytest.approx(np.mean(scores), abs=0.005)
-    jpeg, never = (  # whose views would be fused
-        light_fields.measure(LightFieldNetwork(exported), views, degradation="box", jpeg=75, network_only=True, **more)
-        for more in ({}, {"fusion": "never"})
+    always, never = (
+        light_fields.measure(LightFieldNetwork(exported), views, degradation="box", fusion=fusion, network_only=True)
+        for fusion in ("always", "never")
     )
-    assert jpeg == never
+    assert always == never
 
 
 @pytest.mark.parametrize("place", examples.WINDOWS)

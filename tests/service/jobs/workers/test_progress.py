@@ -66,6 +66,6 @@ def test_two_threads_may_be_in_one_stage():
         left = threading.Barrier(2)
         for future in [pool.submit(work, left), pool.submit(work_on, left)]:
             future.result(10)
-    with clock.stage("upscale"):
+    with clock.stage("encode"):
         pass
-    assert [data["stage"] for data in reported] == ["map", "upscale"]
+    assert [data["stage"] for data in reported] == ["map", "encode"]
