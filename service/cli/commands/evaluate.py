@@ -167,7 +167,8 @@ def _describe_fallback(found: Measured) -> str:
     if found.mean.fallback is None:
         return ""
     share = f"; {FALLBACK} made {100 * found.mean.fallback:.0f} % of the pixels"
-    return f"{share}, and {found.averaged} views are means with it" if found.averaged else share
+    means = "1 view is a mean" if found.averaged == 1 else f"{found.averaged} views are means"
+    return f"{share}, and {means} with it" if found.averaged else share
 
 
 def _describe_model(model: str, score: Accuracy, degradation: str | None) -> dict[str, Any]:
