@@ -15,7 +15,7 @@ from ciir.renderer.writers.writer import Contents
 from tests.support.displays import CALIBRATION
 
 WHOLE = [name for name in formats.WHOLE if name not in ("zip", "npz", "html")]
-SIDE = 32  # below, the bytes that x264 makes of the same pixels depend on where they lie in memory (its look-ahead)
+SIDE = 24
 NEEDED = {
     "lenticular": WriterOptions(calibration=json.dumps(CALIBRATION)),
     "panel": WriterOptions(display="panel = {pixels = [60, 40], pitch = 0.1}\nlenses = {pitch = 1, gap = 3}"),
