@@ -388,6 +388,11 @@ class LightField:
         blocks = self.views.transpose(2, 0, 3, 1, 4)  # (y, v, x, u, c)
         if is_turned(pickup):
             blocks = blocks[:, ::-1, :, ::-1]
+        if not blocks.flags.c_contiguous:
+            copied = np.empty(blocks.shape, blocks.dtype)
+            for channel in range(channels):  # four times as fast as all at once
+                copied[..., channel] = blocks[..., channel]
+            blocks = copied
         return blocks.reshape(rows * pixels_v, cols * pixels_u, channels)
 
 

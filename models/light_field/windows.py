@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -43,12 +44,13 @@ def select_axis(position: int, count: int) -> Axis:
     return Axis(views, np.array(present, np.float32))
 
 
-def list_window(view: View, grid: tuple[int, int]) -> list[tuple[View, tuple[int, int]]]:
+@lru_cache(256)  # several steps ask for the windows of the same few views
+def list_window(view: View, grid: tuple[int, int]) -> tuple[tuple[View, tuple[int, int]], ...]:
     """Lists the views of the window around `view` in a grid of `grid` views, row by row, each with its offset from
     `view`: rows down and columns to the right.
     """
     rows, cols = select_axis(view[0], grid[0]), select_axis(view[1], grid[1])
-    return [((row, col), (row - view[0], col - view[1])) for row in rows.views for col in cols.views]
+    return tuple(((row, col), (row - view[0], col - view[1])) for row in rows.views for col in cols.views)
 
 
 def list_required_views(wanted: Sequence[View], grid: tuple[int, int]) -> list[View]:
