@@ -23,7 +23,7 @@
     │   ├── QueueFull            the largest allowed number of jobs is already waiting
     │   ├── QueueUnavailable     the queue or the files can't be used
     │   │   └── NoRoom           the server's disk or memory is full
-    │   ├── ResultExpired        the result was kept as long as allowed and then removed
+    │   ├── ResultExpired        the result or file was kept as long as allowed and then removed
     │   ├── WorkerDied           the worker process ended in the middle of its work
     │   │   └── TimedOut         it was ended because the job used up its time
     │   └── Cancelled            the work was stopped because the result is no longer wanted
@@ -31,7 +31,7 @@
     └── ServiceError             a server's answer can't be used (`ciir.service.client`)
         ├── ConnectionFailed     the server can't be reached, or the connection broke
         ├── Unauthorized         the API key is missing or wrong
-        ├── NotFound             there is no such job
+        ├── NotFound             there is no such job or file
         └── NotDone              the job is still waiting or running
 """
 
@@ -144,7 +144,10 @@ class NoRoom(QueueUnavailable):
 
 
 class ResultExpired(JobError, LookupError):  # noqa: N818
-    """The result was kept as long as allowed and then removed: HTTP's 410. A new request makes it again."""
+    """The result, or a file that was sent, was kept as long as allowed and then removed: HTTP's 410.
+
+    A new request makes the result again; a file has to be sent again.
+    """
 
 
 class WorkerDied(JobError):  # noqa: N818

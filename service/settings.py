@@ -140,11 +140,11 @@ class Settings(BaseSettings):
     # Results that are kept
 
     keep_seconds: int = _number(86_400, 1, 10**9)
-    """Seconds that a finished job and its result are kept after the last request for it. At most 50,000 finished jobs
-    are kept."""
+    """Seconds that a finished job and its result, or a file for several requests, are kept after the last request for
+    them. At most 50,000 finished jobs and files are kept."""
     keep_bytes: int = _number(2 * 2**30, 0, _MOST)
-    """Maximum bytes of all kept results together. The results that were requested longest ago are removed first, but
-    none within a minute of its last request."""
+    """Maximum bytes of all kept results and files together. Those that were requested longest ago are removed first,
+    but none within a minute of its last request."""
 
     # Limits on input and output
 

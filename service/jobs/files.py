@@ -140,10 +140,10 @@ class Files:
         finally:
             partial.unlink(missing_ok=True)
 
-    def open(self, folder: str, name: str) -> IO[bytes]:
+    def open(self, folder: str, name: str) -> BinaryIO:
         """Opens the file for reading. Raises `FileNotFoundError`."""
         with self._place.use():
-            opened: IO[bytes] = self._fs.open(self._path(folder, name), "rb")
+            opened: BinaryIO = self._fs.open(self._path(folder, name), "rb")
         return opened
 
     def exists(self, folder: str, name: str) -> bool:

@@ -57,6 +57,11 @@ def compute_id(request: Request, content: str, limits: Mapping[str, Any]) -> str
     return hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()[:DIGITS]
 
 
+def compute_file_id(name: str, content: str) -> str:
+    """Computes the id of a kept file with that name and SHA-256. It is the same for all versions."""
+    return hashlib.sha256(json.dumps([name, content]).encode()).hexdigest()[:DIGITS]
+
+
 @cache
 def hash_installation() -> str:
     """Hashes the code, the cards (which hold the networks' SHA-256), the shaders and the versions of dependencies."""

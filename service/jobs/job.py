@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 from ciir.service.jobs.resource import DISK_FULL
 
@@ -16,6 +16,9 @@ State = Literal["queued", "running", "done", "failed", "cancelled"]
 EventKind = Literal["queued", "running", "progress", "done", "failed", "cancelled"]
 FINAL: frozenset[State] = frozenset({"done", "failed", "cancelled"})
 """States that a job only leaves when it is submitted again."""
+KEPT_FILE = cast("KindName", "file")
+"""In place of the kind, in the record of a file that is kept for several requests: an ended job whose result is that
+file."""
 CLIENTS_LIMIT = 100
 """Most clients that a job's record lists. Requests by further clients are not listed."""
 

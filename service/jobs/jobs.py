@@ -15,8 +15,8 @@ from typing import IO, TYPE_CHECKING, BinaryIO
 from ciir.errors import InvalidOption, QueueFull, QueueUnavailable, ResultExpired
 from ciir.service.jobs.disk import Disk
 from ciir.service.jobs.files import INPUTS, RECORD, RESULTS, Files, hash_content, make_folder
-from ciir.service.jobs.identity import compute_id, hash_installation
-from ciir.service.jobs.job import FINAL, Event, Job, Request, parse_id
+from ciir.service.jobs.identity import compute_file_id, compute_id, hash_installation
+from ciir.service.jobs.job import FINAL, KEPT_FILE, Event, Job, Request, Result, parse_id
 from ciir.service.jobs.lanes import LANES, choose_lane, estimate_job
 from ciir.service.jobs.lifecycle import Lifecycle
 from ciir.service.jobs.queue import FILE, Queue
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 MIN_KEEP_SECONDS = 60.0
 """Least time that a result is kept after its last use, even over `keep_bytes`, so that a waiting client can fetch
 it."""
-ORPHAN_SECONDS = 86_400.0
 SWEEP_LIMIT_SECONDS = 2.0
 """Time limit of one sweep: its thread must also send heartbeats, and removing from an object store is slow."""
 FINISHED_LIMIT = 50_000
@@ -68,38 +67,32 @@ class Jobs:
         database = None if settings.queue else self.folder / FILE
         self.disk = Disk((self.folder, self.files.runs), database, settings.max_body_bytes)
         self._max_waiting, self._job_seconds = settings.max_waiting, settings.job_seconds
-        self._keep_seconds, self._keep_bytes = settings.keep_seconds, settings.keep_bytes
+        self.keep_seconds, self._keep_bytes = settings.keep_seconds, settings.keep_bytes
         self._limits = asdict(TaskLimits.from_settings(settings)) | {"job_seconds": settings.job_seconds}
         """They determine whether a job has a result or a problem."""
 
-    def submit(self, request: Request, file: BinaryIO, client: str = "") -> tuple[Job, bool]:
+    def submit(self, request: Request, file: BinaryIO, client: str = "", content: str = "") -> tuple[Job, bool]:
         """Returns the job for `request` and all bytes of `file`, and whether it is new. A new one has been stored.
 
         A job that failed because of an error in the input is not run again. A job is run again if it failed otherwise,
         was cancelled, lost its result, or was ended by a worker of another version. `client` is listed in the job.
-        Raises `QueueFull` if `max_waiting` jobs wait in its lane (simultaneous calls may exceed it a little).
+        `content`: the file's SHA-256, if it is known. Raises `QueueFull` if `max_waiting` jobs wait in its lane
+        (simultaneous calls may exceed it a little).
         """
-        content = hash_content(file)
+        content = content or hash_content(file)
         id_ = compute_id(request, content, self._limits)
         found = self.records.get(id_)
-        joined = self._join(found, client)
-        if joined is not None and joined is not found:
-            with suppress(QueueUnavailable):  # logged; on a full disk the job is still answered
-                joined = self.records.update(id_, lambda job: self._join(job, client))
-        if joined is not None:
-            return self._mark_used(joined), False
+        if (joined := self._join_stored(found, client)) is not None:
+            return joined, False
         self.disk.check()
         lane = choose_lane(request, file)
         waiting = self.queue.count_waiting(lane)
         if waiting >= self._max_waiting:
             one = min(estimate_job(request, file), self._job_seconds)  # a place becomes free when a job like it ends
             pause = max(1 + waiting // JOBS_PER_SECOND, math.ceil(one))
-            raise QueueFull(
-                f"the queue is full: {waiting} jobs wait, and the limit is {self._max_waiting}; try again in {pause} s",
-                pause,
-            )
+            limit = f"{waiting} jobs wait, and the limit is {self._max_waiting}"
+            raise QueueFull(f"the queue is full: {limit}; try again in {pause} s", pause)
         name = f"{id_}.{secrets.token_hex(8)}"
-        queued = (Event("queued"),)
         new = Job(
             id_,
             request,
@@ -109,7 +102,7 @@ class Jobs:
             request_id=REQUEST_ID.get(),
             input=name,
             content=content,
-            events=queued,
+            events=(Event("queued"),),
         )
         self._put_input(new, file)
         created = self.records.update(id_, lambda job: self._join(job, client) or new) or new
@@ -126,6 +119,34 @@ class Jobs:
             with suppress(QueueUnavailable):  # logged; it is removed as an orphan
                 self.files.remove(RESULTS, found.output)
         return created, True
+
+    def keep_file(self, name: str, file: BinaryIO, client: str = "") -> tuple[Job, bool]:
+        """Keeps all bytes of `file` as the result of an ended job; returns that job, and whether it is new.
+
+        `client` is listed in the job.
+        """
+        content = hash_content(file)
+        id_ = compute_file_id(name, content)
+        if (joined := self._join_stored(self.records.get(id_), client)) is not None:
+            return joined, False
+        self.disk.check()
+        part, size = secrets.token_hex(8), file.seek(0, io.SEEK_END)
+        new = Job(
+            id_,
+            Request(name, {}, None, KEPT_FILE),
+            state="done",
+            created=time.time(),
+            clients=(client,),
+            input=f"{id_}.{part}",  # the name of the result too, so that `_expire` finds it without a record
+            lease=part,
+            result=Result("", size, {}, content),
+        )
+        self.lifecycle.mark_used(new)  # before the file, so that a process that dies leaves no file that never expires
+        self.files.put(RESULTS, {new.output: file})
+        kept = self.records.update(id_, lambda job: self._join(job, client) or new) or new
+        if kept.input != new.input:  # another call kept the same file in the meantime
+            self._expire(new.input)
+        return self._mark_used(kept), kept.input == new.input
 
     def get(self, id_: str) -> Job | None:
         """Returns the current state of the job, or None if there is no such job."""
@@ -147,12 +168,15 @@ class Jobs:
 
         Raises `ResultExpired`.
         """
+        return self.open_source(id_)[1]
+
+    def open_source(self, id_: str) -> tuple[Job, BinaryIO]:
+        """Returns the finished job too, which may be that of a kept file. Otherwise the same as `open_result`."""
         job = self.records.get(id_)
         if job is not None and self._has_result(job):
             with suppress(FileNotFoundError):
                 file = self.files.open(RESULTS, job.output)
-                self._mark_used(job)
-                return file
+                return self._mark_used(job), file
         raise ResultExpired(f"{id_}: there is no result, or it has expired; post the input again")
 
     def stores_result(self, job: Job) -> bool:
@@ -191,24 +215,10 @@ class Jobs:
             is_over = total > self._keep_bytes or count > FINISHED_LIMIT
             if age < 0:  # the system clock was set back
                 self.lifecycle.store_use(name, size)
-            elif age > self._keep_seconds or (is_over and age > MIN_KEEP_SECONDS):
+            elif age > self.keep_seconds or (is_over and age > MIN_KEEP_SECONDS):
                 self._expire(name)
                 count, total = count - 1, total - size
         return True
-
-    def remove_orphaned_files(self) -> None:
-        """Removes files without a job that are older than both `keep_seconds` and `ORPHAN_SECONDS`."""
-        results = self.files.list_names(RESULTS)  # a file's job is stored before the file and removed after it
-        jobs = self.records.get_many([parse_id(name) for name in results])
-        outputs = {job.output for job in jobs.values()}
-        inputs = self.files.list_names(INPUTS)
-        active = self.queue.active.items()
-        orphans = [(RESULTS, name) for name in results if name not in outputs]
-        orphans += [(INPUTS, name) for name in inputs if name.removesuffix(RECORD) not in active]
-        for folder, name in orphans:
-            with suppress(FileNotFoundError):
-                if self.files.get_age(folder, name) > max(self._keep_seconds, ORPHAN_SECONDS):
-                    self.files.remove(folder, name)
 
     def remove_input(self, name: str) -> None:
         """Removes an input that belongs to no job."""
@@ -226,7 +236,7 @@ class Jobs:
         """
         if job.state in ("queued", "running"):
             return True
-        if job.made_by != self._installation:
+        if job.made_by != self._installation and job.request.kind != KEPT_FILE:
             return False
         if job.state == "done":
             return self._has_result(job)
@@ -249,6 +259,14 @@ class Jobs:
         """Returns the job with `client` listed, or None if it can't answer a new identical request."""
         return job.add_client(client) if job is not None and self._is_valid(job) else None
 
+    def _join_stored(self, found: Job | None, client: str) -> Job | None:
+        """Returns the job `found` with `client` listed in its record, or None if it can't answer the request."""
+        joined = self._join(found, client)
+        if joined is not None and joined is not found:
+            with suppress(QueueUnavailable):  # logged; on a full disk the job is still answered
+                joined = self.records.update(joined.id, lambda job: self._join(job, client))
+        return None if joined is None else self._mark_used(joined)
+
     def _mark_used(self, job: Job) -> Job:
         if job.state == "done":  # a failure is forgotten after some time, even if it is still requested
             with suppress(QueueUnavailable):  # logged; on a full disk the job expires earlier, but is still answered
@@ -267,7 +285,8 @@ class Jobs:
     def _expire(self, name: str, client: str | None = None) -> None:
         """Removes the ended job with the input `name`, unless clients other than `client`, if given, asked for it.
 
-        Its result is removed first, because changing the record needs room on the disk.
+        Its result is removed first, because changing the record needs room on the disk. If there is no such job, `name`
+        may be that of a file whose record was not stored.
         """
 
         def is_expired(job: Job) -> bool:
@@ -276,7 +295,6 @@ class Jobs:
         job = self.records.get(parse_id(name))
         if job is not None and client is not None and job.list_others(client):
             return
-        if job is not None and is_expired(job):
-            self.files.remove(RESULTS, job.output)
+        self.files.remove(RESULTS, job.output if job is not None and is_expired(job) else name)
         self.records.remove(parse_id(name), is_expired)
         self.queue.finished.remove(name)

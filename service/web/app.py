@@ -19,7 +19,7 @@ from ciir.service.web.middleware.body_limit import BodyLimit
 from ciir.service.web.middleware.site import require_own_site
 from ciir.service.web.middleware.tracking import UNLOGGED_PATHS, RequestTracking
 from ciir.service.web.page import routes as page
-from ciir.service.web.routes import docs, jobs, openapi, operations, results
+from ciir.service.web.routes import docs, files, jobs, openapi, operations, results
 from ciir.service.web.routes.events import OpenStreams
 from ciir.service.web.routes.state import ServiceState
 
@@ -79,7 +79,7 @@ def create_app(settings: Settings, engine: Engine | None = None) -> FastAPI:
     )
     app.openapi_version = "3.0.3"  # the newest version that the Swagger UI of swagger-ui-bundle supports
     app.state.service = ServiceState(settings, engine, streams)
-    limits = dict.fromkeys(map(results.find_root, KINDS), settings.max_body_bytes)
+    limits = dict.fromkeys((files.ROOT, *map(results.find_root, KINDS)), settings.max_body_bytes)
     app.add_middleware(BodyLimit, limits=limits, seconds=settings.body_seconds)
     if settings.cors_origins:
         app.add_middleware(
@@ -97,6 +97,7 @@ def create_app(settings: Settings, engine: Engine | None = None) -> FastAPI:
     app.include_router(operations.health)
     app.include_router(page.router, dependencies=[site])
     app.include_router(operations.router, dependencies=[site, key])
+    app.include_router(files.make_router(), dependencies=[site, key])
     for kind in KINDS.values():
         app.include_router(jobs.make_router(kind), dependencies=[site, key])
     docs.add_docs(app)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import QueueUnavailable
 from ciir.service.jobs.job import FINAL, parse_id
+from ciir.service.jobs.workers.orphans import remove_orphaned_files
 from ciir.service.jobs.workers.restore import restore_jobs
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ class Recovery:
         for name in dead:
             self._lock.remove(name)
         restore_jobs(self._jobs)
-        self._jobs.remove_orphaned_files()
+        remove_orphaned_files(self._jobs)
 
     def _find_defect(
         self, name: str, job: Job | None, waiting: Collection[str], leases: Collection[str], now: float

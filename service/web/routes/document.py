@@ -13,18 +13,27 @@ from ciir.service.web.routes import schemas, upload
 if TYPE_CHECKING:
     from ciir.service.pipeline.options import Kind
 
+_FILE = {"type": "string", "format": "binary"}
+_FILE_FORM = {
+    "type": "object",
+    "required": [upload.FILE],
+    "additionalProperties": False,
+    "properties": {upload.FILE: _FILE | {"description": "any file that a job takes; its name gives the type"}},
+}
+
 
 def describe_form(kind: Kind) -> dict[str, Any]:
     """Returns the JSON schema of the form for a kind of job."""
     scene = {"type": "string", "enum": list(SCENES), "description": "a shipped scene, instead of the file"}
+    kept = "instead of the file: the id of a kept file, or of a finished job, whose result is then the input"
     described = {
-        upload.FILE: {"type": "string", "format": "binary", "description": kind.takes},
+        upload.FILE: _FILE | {"description": kind.takes},
+        upload.FILE_ID: {"type": "string", "description": kept, "example": "0123456789abcdef0123456789abcdef"},
         **({upload.SCENE: scene} if kind.takes_scenes else {}),
         upload.FORMAT: {"type": "string", "enum": list(kind.formats), "description": f"default: {kind.default_format}"},
     }
     return {
         "type": "object",
-        **({} if kind.takes_scenes else {"required": [upload.FILE]}),
         "additionalProperties": False,
         "properties": described | {name: kind.describe_option(name) for name in kind.options},
     }
@@ -37,7 +46,7 @@ def make_schemas() -> dict[str, Any]:
     )
     forms = {f"{kind.name.title()}Form": describe_form(kind) for kind in KINDS.values()}
     found: dict[str, Any] = to_openapi_3_0(made["$defs"])
-    return found | forms
+    return found | forms | {"FileForm": _FILE_FORM}
 
 
 def to_openapi_3_0(schema: Any) -> Any:

@@ -21,7 +21,7 @@ from ciir.service.pipeline.options import KINDS, Kind
 from ciir.service.web import multipart
 from ciir.service.web.middleware.api_keys import find_client, hash_client
 from ciir.service.web.prefer import Preference
-from ciir.service.web.routes import events, openapi, results, schemas, upload
+from ciir.service.web.routes import events, files, openapi, results, schemas, upload
 from ciir.service.web.routes.state import State  # noqa: TC001 - FastAPI reads the annotations of routes
 
 if TYPE_CHECKING:
@@ -65,13 +65,14 @@ async def create_job(request: Request, kind: FoundKind, state: State) -> Respons
     """Waits for the result up to CIIR_SYNC_SECONDS, or as long as `Prefer` asks for. After that the answer is 202."""
     start = time.perf_counter()
     state.engine.check_accepting()
-    upload.check_query(request.query_params)
-    upload.check_content_type(request.headers.get("content-type"))
-    upload.check_encoding(request.headers.get("content-encoding"))
+    upload.check_head(request.query_params, request.headers)
     form = await multipart.read_form(request)
     try:
         given = upload.parse_form(form.multi_items(), kind)
-        job = await _submit(state, given, hash_client(request))
+        if given.file_id:
+            given = await to_thread.run_sync(files.open_kept, state, given)
+        with given.file:
+            job = await _submit(state, given, hash_client(request))
     finally:
         await form.close()
     preference = Preference.parse(request.headers.getlist("prefer"))
@@ -100,7 +101,9 @@ async def create_job(request: Request, kind: FoundKind, state: State) -> Respons
 async def _submit(state: State, given: Upload, client: str) -> Job:
     """Submits the form as a job of that client. Raises `QueueFull` or `QueueUnavailable`."""
     try:
-        job, is_new = await to_thread.run_sync(state.engine.jobs.submit, given.request, given.file, client)
+        job, is_new = await to_thread.run_sync(
+            state.engine.jobs.submit, given.request, given.file, client, given.content
+        )
     except (QueueFull, QueueUnavailable) as error:
         state.engine.metrics.submitted.labels("refused").inc()
         _log.info("refused %s of %s, %d bytes: %s", given.request.kind, given.request.name, given.size, error)
@@ -190,10 +193,10 @@ def make_router(kind: Kind) -> APIRouter:
         | openapi.describe_status(
             kind, 202, "the job is not done yet", Location="path of the job", Retry_After="seconds"
         )
-        | openapi.describe_errors(400, 401, 408, 409, 413, 415, 422, 429, 503),
+        | openapi.describe_errors(400, 401, 408, 409, 410, 413, 415, 422, 429, 503),
         openapi_extra={
             "parameters": [openapi.PREFER, openapi.IF_NONE_MATCH],
-            "requestBody": openapi.describe_form(kind),
+            "requestBody": openapi.describe_form(kind.name),
         },
     )(create_job)
     router.head("/{id}", include_in_schema=False)(read_job)

@@ -22,10 +22,10 @@ _ERRORS = {
     400: "the request is malformed",
     401: "the server has API keys, and the request sends none of them",
     403: "the Host is not one of the server's, or a web page of another origin sent the request",
-    404: "there is no such job, or it was removed or has expired",
+    404: "there is no such job or file, or it was removed or has expired",
     408: "the body did not arrive in time",
     409: "the job is not done: it is waiting or running, or was cancelled",
-    410: "the result is missing, or was damaged; post the input again",
+    410: "the result, or what file_id names, is not kept any more, or was damaged; post the input again",
     413: "over a limit on bytes, pixels, files, triangles or memory",
     415: "not multipart, or not a file of a supported type",
     416: "the result has none of the bytes that Range asks for",
@@ -60,9 +60,9 @@ def describe_errors(*statuses: int) -> Responses:
     return found | {"default": {"description": "any other error", "content": _PROBLEM}}
 
 
-def describe_form(kind: Kind) -> dict[str, Any]:
-    """Describes the body of a request for that kind of job."""
-    schema = schemas.refer(f"{kind.name.title()}Form")
+def describe_form(name: str) -> dict[str, Any]:
+    """Describes the body of a request for a kind of job, or with a file to keep (`file`)."""
+    schema = schemas.refer(f"{name.title()}Form")
     return {"required": True, "content": {"multipart/form-data": {"schema": schema}}}
 
 
@@ -92,18 +92,17 @@ def describe_part(kind: Kind) -> Responses:
 
 
 def describe_status(kind: Kind, code: int, description: str, **headers: str) -> Responses:
-    """Describes a job's status as JSON. `headers` are descriptions by name, with `_` for `-`."""
-    described = describe_json(code, description, schemas.refer(schemas.STATUSES[kind.name].__name__))
-    described[code]["headers"] |= {name.replace("_", "-"): _header(text) for name, text in headers.items()}
-    return described
+    """Describes a job's status as JSON. `headers` are as for `describe_json`."""
+    return describe_json(code, description, schemas.refer(schemas.STATUSES[kind.name].__name__), **headers)
 
 
 def describe_json(
-    code: int, description: str, schema: dict[str, Any], media_type: str = "application/json"
+    code: int, description: str, schema: dict[str, Any], media_type: str = "application/json", **headers: str
 ) -> Responses:
-    """Describes a response of JSON, or of events with JSON."""
+    """Describes a response of JSON, or of events with JSON. `headers` are descriptions by name, with `_` for `-`."""
     content = {media_type: {"schema": schema}}
-    return {code: {"description": description, "content": content, "headers": {"X-Request-Id": _ID}}}
+    described = {name.replace("_", "-"): _header(text) for name, text in headers.items()}
+    return {code: {"description": description, "content": content, "headers": {"X-Request-Id": _ID} | described}}
 
 
 def describe_response(code: int, description: str, *media_types: str) -> Responses:

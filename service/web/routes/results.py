@@ -17,7 +17,7 @@ from ciir.service.errors import CANCELLED, find_response
 from ciir.service.jobs.job import FINAL
 from ciir.service.pipeline.options import FILE_TYPES, KINDS
 from ciir.service.web import problems
-from ciir.service.web.routes.ranges import describe_part, find_part
+from ciir.service.web.ranges import describe_part, find_part
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -212,7 +212,7 @@ async def _respond(
     wanted = part or range(result.size)
     status = 200 if part is None else 206
     file, start = await to_thread.run_sync(_open_result, jobs, job.id, wanted)
-    fields["Content-Disposition"] = f'attachment; filename="{_name_file(job.id, result)}"'
+    fields["Content-Disposition"] = f'attachment; filename="{name_file(job.id, result)}"'
     media_type = FILE_TYPES[result.format].media_type
     if len(start) == len(wanted):
         file.close()
@@ -225,7 +225,7 @@ async def _respond(
     return StreamingResponse(chunks, status, headers=fields, media_type=media_type)
 
 
-def _name_file(id_: str, result: Result) -> str:
+def name_file(id_: str, result: Result) -> str:
     """Returns the file name for a result. A quilt's name contains its layout, because displays read it there."""
     layout = result.report.get("display", {}).get("layout")
     return f"{id_}{QuiltLayout(**layout).suffix if layout else ''}{FILE_TYPES[result.format].suffix}"

@@ -64,6 +64,17 @@ class ResultFile(TypedDict):
 
 
 @described
+class KeptFile(TypedDict):
+    """A file that is kept for several requests."""
+
+    id: Annotated[str, Field(pattern="^[0-9a-f]{32}$")]
+    """Hash of its name and its bytes; the field `file_id` of a job's form."""
+    name: str
+    """`upload` and the part of the file's name that is used."""
+    bytes: int
+
+
+@described
 class Event(TypedDict, total=False):
     """A server-sent event of a job."""
 
@@ -174,7 +185,7 @@ STATUSES: dict[KindName, type] = {
     "inspection": Inspection,
 }
 """The type of a status, by kind of job."""
-TYPES = (Event, Problem, Model, *STATUSES.values())
+TYPES = (Event, KeptFile, Problem, Model, *STATUSES.values())
 """All types that the document lists by name."""
 
 

@@ -1,4 +1,4 @@
-"""The form of a job: a file or a shipped scene, the options by name, and the format of the result.
+"""The form of a job: a file, a kept file or a shipped scene, the options by name, and the format of the result.
 
 Options whose value is the text of a file can be sent as a file.
 """
@@ -24,11 +24,11 @@ from ciir.service.pipeline.options import KINDS
 from ciir.service.pipeline.source import SCENE as SCENE_PREFIX
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from ciir.service.pipeline.options import Kind
 
-FILE, SCENE, FORMAT = "file", "scene", "format"
+FILE, FILE_ID, SCENE, FORMAT = "file", "file_id", "scene", "format"
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,10 @@ class Upload:
     file: BinaryIO
     size: int
     """Bytes."""
+    file_id: str = ""
+    """The kept file, or the finished job, that is the input: its name and bytes are still missing."""
+    content: str = ""
+    """SHA-256 of the file, if it is known."""
 
 
 class _Input(NamedTuple):
@@ -46,6 +50,14 @@ class _Input(NamedTuple):
     """The name in a `Request`."""
     file: BinaryIO
     size: int
+    file_id: str = ""
+
+
+def check_head(query: Iterable[str], headers: Mapping[str, str]) -> None:
+    """Raises `InputError` unless the head of a request declares a form as it is read here, without a query."""
+    check_query(query)
+    check_content_type(headers.get("content-type"))
+    check_encoding(headers.get("content-encoding"))
 
 
 def check_content_type(content_type: str | None) -> None:
@@ -102,6 +114,7 @@ def parse_form(parts: Iterable[tuple[str, UploadFile | str]], kind: Kind) -> Upl
             texts[name] = value
     format_ = texts.pop(FORMAT, None)
     scene = texts.pop(SCENE, None) if kind.takes_scenes else None
+    file_id = texts.pop(FILE_ID, None)
     unknown = sorted(set(texts) - set(kind.options))
     if unknown:
         listed = ", ".join(repr(clean_text(name)[:40]) for name in unknown[:5])
@@ -113,8 +126,18 @@ def parse_form(parts: Iterable[tuple[str, UploadFile | str]], kind: Kind) -> Upl
     options = kind.parse(texts)
     kind.check_model(options.model)
     kind.check_format(options, format_)
-    found = _find_input(upload, scene, kind)
-    return Upload(Request(found.name, texts, format_, kind.name), found.file, found.size)
+    found = _find_input(upload, file_id, scene, kind)
+    return Upload(Request(found.name, texts, format_, kind.name), found.file, found.size, found.file_id)
+
+
+def parse_file(parts: Iterable[tuple[str, UploadFile | str]]) -> tuple[str, BinaryIO]:
+    """Returns the name and the content of a file that is sent to be kept. Raises `InvalidOption` for any other form."""
+    found = list(parts)
+    upload = found[0][1] if found and found[0][0] == FILE else None
+    if len(found) != 1 or not isinstance(upload, UploadFile) or _is_left_empty(upload):
+        names = ", ".join(repr(clean_text(name)[:40]) for name, _ in found[:5]) or "nothing"
+        raise InvalidOption(f"the form has {names}; send one part {FILE!r} with a file name, and nothing else")
+    return make_name(upload.filename or "", takes_light_fields=True), upload.file
 
 
 def _is_left_empty(value: UploadFile | str) -> bool:
@@ -124,23 +147,29 @@ def _is_left_empty(value: UploadFile | str) -> bool:
 
 def _list_others(kind: Kind) -> tuple[str, ...]:
     """Lists the fields other than the file and the options."""
-    return (SCENE, FORMAT) if kind.takes_scenes else (FORMAT,)
+    return (FILE_ID, SCENE, FORMAT) if kind.takes_scenes else (FILE_ID, FORMAT)
 
 
-def _find_input(upload: UploadFile | None, scene: str | None, kind: Kind) -> _Input:
+def _find_input(upload: UploadFile | None, file_id: str | None, scene: str | None, kind: Kind) -> _Input:
+    inputs = {SCENE: scene, FILE_ID: file_id, FILE: upload}
+    first, *others = [name for name, value in inputs.items() if value is not None] or [""]
+    if others:
+        raise InvalidOption(f"{first}: given together with {' and '.join(others)}; send one of them")
+    if file_id is not None:
+        return _Input("", io.BytesIO(), 0, file_id)
     if scene is not None:
-        if upload is not None:
-            raise InvalidOption(f"{SCENE}: given together with a file; send one of them")
         if scene not in SCENES:
             raise InvalidOption(f"{SCENE}: no {clean_text(scene)[:40]!r} here; give one of {', '.join(SCENES)}")
         return _Input(SCENE_PREFIX + scene, io.BytesIO(), 0)
     if upload is None:
         either = f", or a shipped scene as {SCENE!r}" if kind.takes_scenes else ""
-        raise InvalidOption(f"{FILE}: missing; send {kind.takes} as the part {FILE!r}{either}")
-    return _Input(_make_name(upload.filename or "", kind), upload.file, upload.size or 0)
+        kept = f", the id of a kept file as {FILE_ID!r}"
+        raise InvalidOption(f"{FILE}: missing; send {kind.takes} as the part {FILE!r}{kept}{either}")
+    name = make_name(upload.filename or "", takes_light_fields=kind.takes_light_fields)
+    return _Input(name, upload.file, upload.size or 0)
 
 
-def _make_name(given: str, kind: Kind) -> str:
+def make_name(given: str, *, takes_light_fields: bool) -> str:
     """Makes the name of the input: `upload` and the parts of the given name that are used.
 
     These are the suffix and, for a light field, the part that marks a quilt or ESLF. Raises `InvalidOption` if the
@@ -150,7 +179,7 @@ def _make_name(given: str, kind: Kind) -> str:
     suffix = path.suffix.lower()
     if re.fullmatch(r"\.[a-z0-9]{1,8}", suffix) is None:
         return "upload"
-    if not ((is_picture(path.name) or is_container(path.name)) and kind.takes_light_fields):
+    if not ((is_picture(path.name) or is_container(path.name)) and takes_light_fields):
         return f"upload{suffix}"
     layout = parse_name(path.name)
     eslf = "_eslf" if suffix == ".png" and is_eslf(path.name) else ""

@@ -42,6 +42,8 @@ def test_the_shell_examples(server, tmp_path):
     assert decode((tmp_path / "eia.png").read_bytes(), name="x").shape == (450, 450, 3)
     assert decode((tmp_path / "vase.png").read_bytes(), name="x").shape == (50, 50, 3)
     assert decode((tmp_path / "large.png").read_bytes(), name="x").shape == (200, 200, 3)
+    assert decode((tmp_path / "vase_plane.png").read_bytes(), name="x").shape == (50, 50, 3)
+    assert (tmp_path / "again.pfm").read_bytes() == (tmp_path / "disparity.pfm").read_bytes()
     with zipfile.ZipFile(tmp_path / "views.zip") as archive:
         assert len(archive.namelist()) == 6
     unchanged, rest = done.stdout.split("\n", 1)

@@ -109,6 +109,22 @@ def test_problems_and_lists(client, check, tmp_path):
         assert check(large, "/v1/upscales").status_code == 413
 
 
+def test_kept_files(client, check, eia):
+    for status in (201, 200):
+        sent = check(client.post("/v1/files", files={"file": ("kept.png", eia)}), "/v1/files")
+        assert sent.status_code == status
+    kept, fields = sent.json()["id"], {"lenses": "6x9", "disparity": "1"}
+    planes = check(client.post("/v1/planes", files={"file_id": (None, kept)}, data=fields), "/v1/planes")
+    assert planes.status_code == 200
+    for status in (200, 404):
+        for method in ("GET", "DELETE"):
+            found = check(client.request(method, f"/v1/files/{kept}"), "/v1/files/{id}")
+            assert found.status_code == status
+    gone = check(client.post("/v1/upscales", files={"file_id": (None, kept)}), "/v1/upscales")
+    assert gone.status_code == 410
+    assert check(client.post("/v1/files", files={"scene": (None, "vase")}), "/v1/files").status_code == 422
+
+
 def test_a_failed_job(client, check, eia):
     response = client.post("/v1/upscales", files={"file": ("a.png", eia[:60])}, headers={"Prefer": "respond-async"})
     path = response.headers["content-location" if response.status_code == 200 else "location"]
@@ -131,6 +147,7 @@ def test_operation_ids_are_plain(document):
         for kind in KINDS
         for pattern in ("create{}", "get{}", "delete{}", "get{}Result", "get{}Events")
     }
+    expected |= {"createFile", "getFile", "deleteFile"}
     assert found == expected | {"listModels", "getHealth", "getReadiness", "getMetrics"}
 
 
@@ -142,7 +159,7 @@ def test_a_form_names_every_option_with_its_values(document, kind):
     }
     assert {parameter["name"] for parameter in operation["parameters"]} == {"Prefer", "If-None-Match"}
     form = document["components"]["schemas"][f"{kind.name.title()}Form"]["properties"]
-    assert set(form) == {"file", "format", *kind.options} | ({"scene"} if kind.name != "upscale" else set())
+    assert set(form) == {"file", "file_id", "format", *kind.options} | ({"scene"} if kind.name != "upscale" else set())
     assert set(form["format"]["enum"]) <= set(FILE_TYPES)
     for name in kind.options:
         schema = form[name]

@@ -8,8 +8,8 @@ import pytest
 
 from ciir.errors import QueueUnavailable
 from ciir.service.jobs.job import Problem
-from ciir.service.jobs.jobs import ORPHAN_SECONDS
 from ciir.service.jobs.workers.consumer_lock import FOLDER, ConsumerLock
+from ciir.service.jobs.workers.orphans import ORPHAN_SECONDS
 from ciir.service.jobs.workers.recovery import (
     DEAD_SECONDS,
     LOST_SECONDS,

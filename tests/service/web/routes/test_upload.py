@@ -170,7 +170,7 @@ def test_bad_forms(client, eia):
     problem(client.post(POST, files={"lenses": (None, "6x9")}), 422, "file: missing")
     problem(client.post(POST, files={"scene": (None, "../vase")}), 422, "scene: no '../vase' here", "vase, globe")
     problem(client.post(POST, files={"scene": ("vase.png", eia)}), 422, "scene: a file")
-    problem(send(client, data=eia, lenses="6x9", scene="vase"), 422, "together with a file")
+    problem(send(client, data=eia, lenses="6x9", scene="vase"), 422, "scene: given together with file; send one")
     problem(client.post("/v1/upscales", files={"scene": (None, "vase")}), 422, "'scene': no such field")
     problem(client.post(POST, files={"file": (None, "text")}), 422, "plain field")
     problem(client.post(POST, files=[("lenses", (None, "6x9")), ("lenses", (None, "1x1"))]), 422, "twice")

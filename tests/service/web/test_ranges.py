@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ciir.service.web.routes.ranges import describe_part, find_part
+from ciir.service.web.ranges import describe_part, find_part
 
 TAG = '"0123"'
 
