@@ -6,6 +6,8 @@ with Client("http://127.0.0.1:8000") as client:
     for event in job.events():
         print(event.kind, event.data)
     views = job.result().content
+    capture = client.send_file("capture.png")  # once, for several requests
+    client.refocus(capture, lenses=(50, 50), disparity=1).save("near.png")
 
 `AsyncClient` has the same methods as coroutines. All methods raise the errors of `ciir.errors`: the same errors as the
 work raises without a server, and `ServiceError` for errors that only a server can cause.
@@ -20,17 +22,19 @@ from typing import TYPE_CHECKING, Any
 import httpx2
 from anyio import to_thread
 
+from ciir.errors import ResultExpired
 from ciir.service import client_messages as messages
-from ciir.service.client_messages import Event, Result
+from ciir.service.client_messages import Event, KeptFile, Result
 from ciir.service.pipeline.options import KINDS
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Iterator, Mapping
 
+    from ciir.service.client_messages import Source
     from ciir.service.pipeline.given import File
     from ciir.service.pipeline.options import KindName
 
-__all__ = ["AsyncClient", "AsyncJob", "Client", "Event", "Job", "Result"]
+__all__ = ["AsyncClient", "AsyncJob", "Client", "Event", "Job", "KeptFile", "Result"]
 TIMEOUT_SECONDS = 60.0
 """Longest silence of the server, which sends at least a comment every 15 s while a job runs."""
 _WAIT = {"Prefer": "wait=30"}
@@ -41,7 +45,8 @@ class Client(httpx2.Client):
     """A connection to the server at `url`. Don't share it between threads.
 
     `source` is the path of a file or a folder, which is sent as a zip; `scene:NAME`; or a file's content, as bytes or
-    as a file object opened for reading bytes, whose `name`, if it has one, gives the suffix. `options` are those of the
+    as a file object opened for reading bytes, whose `name`, if it has one, gives the suffix. In its place, without
+    sending it again: a `KeptFile` of `send_file`, or a job or a result of this server. `options` are those of the
     command, as `ciir.reconstruct` takes them: pairs as `(50, 50)`, or text as on the command line; and `format`. All
     methods raise `ciir.Error`.
     """
@@ -81,38 +86,46 @@ class Client(httpx2.Client):
                 pause = messages.find_reconnect_pause(self.base_url, path, error, broken, self.retries)
             time.sleep(pause)
 
-    def reconstruct(self, source: File, **options: object) -> Result:
+    def send_file(self, source: File) -> KeptFile:
+        """Sends a file or a folder once, for several requests: the other methods take what this returns in its place.
+
+        The server keeps it as long as a result. If it has expired by then, it is sent again from its path, unless
+        `source` was no path or its bytes have changed; then `ResultExpired` is raised.
+        """
+        return messages.read_kept(self._post_source("/v1/files", source, {}, {}), source)
+
+    def reconstruct(self, source: Source, **options: object) -> Result:
         """Sends a mesh, an elemental image array or views, and waits for the views."""
         return self._run("reconstruction", source, options)
 
-    def upscale(self, source: File, **options: object) -> Result:
+    def upscale(self, source: Source, **options: object) -> Result:
         """Sends a picture and waits for the larger one."""
         return self._run("upscale", source, options)
 
-    def render_eia(self, source: File, **options: object) -> Result:
+    def render_eia(self, source: Source, **options: object) -> Result:
         """Sends a mesh and waits for its elemental image array."""
         return self._run("elemental", source, options)
 
-    def make_display_picture(self, source: File, **options: object) -> Result:
+    def make_display_picture(self, source: Source, **options: object) -> Result:
         """Sends a mesh, an elemental image array or views, and waits for a display picture.
 
         `calibration` and `display` are paths.
         """
         return self._run("display", source, options)
 
-    def refocus(self, source: File, **options: object) -> Result:
+    def refocus(self, source: Source, **options: object) -> Result:
         """Sends a light field or a mesh and waits for depth planes."""
         return self._run("plane", source, options)
 
-    def disparity(self, source: File, **options: object) -> Result:
+    def disparity(self, source: Source, **options: object) -> Result:
         """Sends a light field or a mesh and waits for the disparity of a view."""
         return self._run("disparity", source, options)
 
-    def inspect(self, source: File, **options: object) -> dict[str, Any]:
+    def inspect(self, source: Source, **options: object) -> dict[str, Any]:
         """Sends any file that a reconstruction takes, and returns what it contains, as `POST /v1/inspections` does."""
         return messages.read_inspection(self._run("inspection", source, options))
 
-    def submit(self, source: File, kind: KindName = "reconstruction", **options: object) -> Job:
+    def submit(self, source: Source, kind: KindName = "reconstruction", **options: object) -> Job:
         """Sends `source` and returns its job without waiting."""
         return Job(self, messages.read_path(self._post(kind, source, options, {"Prefer": "respond-async"})))
 
@@ -128,19 +141,31 @@ class Client(httpx2.Client):
         """Lists the models of the server."""
         return messages.read_models(self.get("/v1/models"))
 
-    def _run(self, kind: KindName, source: File, options: Mapping[str, object]) -> Result:
+    def _run(self, kind: KindName, source: Source, options: Mapping[str, object]) -> Result:
         response = self._post(kind, source, options, _WAIT)
         if response.status_code == 200:
             return messages.read_result(response)
         return Job(self, messages.read_path(response)).result()
 
     def _post(
-        self, kind: KindName, source: File, options: Mapping[str, object], headers: Mapping[str, str]
+        self, kind: KindName, source: Source, options: Mapping[str, object], headers: Mapping[str, str]
     ) -> httpx2.Response:
         fields = messages.write_fields(kind, options)
+        path = f"/v1/{KINDS[kind].plural}"
+        try:
+            return self._post_source(path, source, fields, headers)
+        except ResultExpired:
+            kept = messages.find_path(source)
+            if kept is None or self.send_file(kept) != source:
+                raise
+        return self._post_source(path, source, fields, headers)
+
+    def _post_source(
+        self, path: str, source: Source, fields: Mapping[str, str], headers: Mapping[str, str]
+    ) -> httpx2.Response:
         field, name, file = messages.open_source(source)
         with file:
-            return self.post(f"/v1/{KINDS[kind].plural}", files={field: (name, file)}, data=fields, headers=headers)
+            return self.post(path, files={field: (name, file)}, data=fields, headers=headers)
 
 
 class AsyncClient(httpx2.AsyncClient):
@@ -175,35 +200,39 @@ class AsyncClient(httpx2.AsyncClient):
                 pause = messages.find_reconnect_pause(self.base_url, path, error, broken, self.retries)
             await asyncio.sleep(pause)
 
-    async def reconstruct(self, source: File, **options: object) -> Result:
+    async def send_file(self, source: File) -> KeptFile:
+        """See `Client.send_file`."""
+        return messages.read_kept(await self._post_source("/v1/files", source, {}, {}), source)
+
+    async def reconstruct(self, source: Source, **options: object) -> Result:
         """See `Client.reconstruct`."""
         return await self._run("reconstruction", source, options)
 
-    async def upscale(self, source: File, **options: object) -> Result:
+    async def upscale(self, source: Source, **options: object) -> Result:
         """See `Client.upscale`."""
         return await self._run("upscale", source, options)
 
-    async def render_eia(self, source: File, **options: object) -> Result:
+    async def render_eia(self, source: Source, **options: object) -> Result:
         """See `Client.render_eia`."""
         return await self._run("elemental", source, options)
 
-    async def make_display_picture(self, source: File, **options: object) -> Result:
+    async def make_display_picture(self, source: Source, **options: object) -> Result:
         """See `Client.make_display_picture`."""
         return await self._run("display", source, options)
 
-    async def refocus(self, source: File, **options: object) -> Result:
+    async def refocus(self, source: Source, **options: object) -> Result:
         """See `Client.refocus`."""
         return await self._run("plane", source, options)
 
-    async def disparity(self, source: File, **options: object) -> Result:
+    async def disparity(self, source: Source, **options: object) -> Result:
         """See `Client.disparity`."""
         return await self._run("disparity", source, options)
 
-    async def inspect(self, source: File, **options: object) -> dict[str, Any]:
+    async def inspect(self, source: Source, **options: object) -> dict[str, Any]:
         """See `Client.inspect`."""
         return messages.read_inspection(await self._run("inspection", source, options))
 
-    async def submit(self, source: File, kind: KindName = "reconstruction", **options: object) -> AsyncJob:
+    async def submit(self, source: Source, kind: KindName = "reconstruction", **options: object) -> AsyncJob:
         """See `Client.submit`."""
         return AsyncJob(self, messages.read_path(await self._post(kind, source, options, {"Prefer": "respond-async"})))
 
@@ -215,21 +244,31 @@ class AsyncClient(httpx2.AsyncClient):
         """See `Client.models`."""
         return messages.read_models(await self.get("/v1/models"))
 
-    async def _run(self, kind: KindName, source: File, options: Mapping[str, object]) -> Result:
+    async def _run(self, kind: KindName, source: Source, options: Mapping[str, object]) -> Result:
         response = await self._post(kind, source, options, _WAIT)
         if response.status_code == 200:
             return messages.read_result(response)
         return await AsyncJob(self, messages.read_path(response)).result()
 
     async def _post(
-        self, kind: KindName, source: File, options: Mapping[str, object], headers: Mapping[str, str]
+        self, kind: KindName, source: Source, options: Mapping[str, object], headers: Mapping[str, str]
     ) -> httpx2.Response:
         fields = messages.write_fields(kind, options)
+        path = f"/v1/{KINDS[kind].plural}"
+        try:
+            return await self._post_source(path, source, fields, headers)
+        except ResultExpired:
+            kept = messages.find_path(source)
+            if kept is None or await self.send_file(kept) != source:
+                raise
+        return await self._post_source(path, source, fields, headers)
+
+    async def _post_source(
+        self, path: str, source: Source, fields: Mapping[str, str], headers: Mapping[str, str]
+    ) -> httpx2.Response:
         field, name, file = await to_thread.run_sync(messages.open_source, source)
         with file:
-            return await self.post(
-                f"/v1/{KINDS[kind].plural}", files={field: (name, file)}, data=fields, headers=headers
-            )
+            return await self.post(path, files={field: (name, file)}, data=fields, headers=headers)
 
 
 class Job(messages.JobPath):

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import re
 import tempfile
 import zipfile
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, TypeVar
+from typing import IO, TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import httpx2
 
@@ -38,6 +39,9 @@ if TYPE_CHECKING:
 
     from ciir.service.pipeline.given import File
     from ciir.service.pipeline.options import KindName
+
+    Source: TypeAlias = "File | KeptFile | Result | JobPath"
+    """What is taken as the input of a job."""
 
 T = TypeVar("T")
 FINAL = frozenset({"done", "failed", "cancelled"})
@@ -88,6 +92,18 @@ class Result:
             )
         with replacing(path) as file:
             file.write(self.content)
+
+
+@dataclass(frozen=True)
+class KeptFile:
+    """A file that the server keeps, to be used by several requests in place of its path."""
+
+    id: str
+    name: str
+    """`upload` and the part of the file's name that is used."""
+    bytes: int
+    path: str | None = field(default=None, compare=False)
+    """Where it is sent from again, once it has expired."""
 
 
 @dataclass(frozen=True)
@@ -171,17 +187,24 @@ def write_fields(kind: KindName, options: Mapping[str, object]) -> dict[str, str
     return write_texts(rest | texts, known) | ({} if form is None else {"format": str(form)})
 
 
-def open_source(source: File) -> tuple[str, str | None, IO[bytes]]:
+def find_path(source: Source) -> str | None:
+    """Returns the path of a file that the server has kept, if it is known."""
+    return source.path if isinstance(source, KeptFile) else None
+
+
+def open_source(source: Source) -> tuple[str, str | None, IO[bytes]]:
     """Returns the form's field, the file's name and the content to send. Raises `InputError`.
 
     The content is a file, or a folder's files as a zip, with the same bytes for the same files, or the name of a
-    shipped scene. A file object is read here, and left open.
+    shipped scene, or the id of a file or result that the server has. A file object is read here, and left open.
     """
     from ciir.renderer.readers.bundle import Folder
     from ciir.service.pipeline.given import read_given
     from ciir.service.pipeline.limits import read_limits
     from ciir.service.pipeline.source import SCENE
 
+    if isinstance(source, KeptFile | Result | JobPath):
+        return "file_id", None, io.BytesIO(source.id.encode())
     given = read_given(source)
     if not isinstance(given, str):
         return "file", Path(given[0]).name or "file", io.BytesIO(given[1])
@@ -302,6 +325,14 @@ def read_models(response: httpx2.Response) -> list[dict[str, Any]]:
     """Returns the list of models in a response."""
     with _refuse_foreign(response.status_code):
         return [_check(model, dict) for model in _check(response.json(), list)]
+
+
+def read_kept(response: httpx2.Response, source: File) -> KeptFile:
+    """Returns the file that the server keeps, as a response describes it, and that was sent from `source`."""
+    path = os.fsdecode(source) if isinstance(source, str | os.PathLike) else None
+    with _refuse_foreign(response.status_code):
+        found = _check(response.json(), dict)
+        return KeptFile(_check(found["id"], str), _check(found["name"], str), _check(found["bytes"], int), path)
 
 
 def read_path(response: httpx2.Response) -> str:

@@ -10,6 +10,7 @@ from ciir.errors import (
     ConnectionFailed,
     InvalidOption,
     NotFound,
+    ResultExpired,
     Unreadable,
     UnsupportedType,
 )
@@ -193,3 +194,47 @@ def test_the_asynchronous_client(server, eia_file, cube_file):
     assert decode(large.content, name="x").shape == (2 * EIA.shape[0], 2 * EIA.shape[1], 3)
     assert decode(eia.content, name="x").shape == (24, 36, 3)
     assert models > 5
+
+
+def test_a_file_is_sent_once(client, eia_file, cube_file, tmp_path):
+    sent = []
+    client.event_hooks["request"].append(lambda request: sent.append(request.url.path))
+    kept = client.send_file(eia_file)
+    assert (len(kept.id), kept.name, kept.bytes, kept.path) == (
+        32,
+        "upload.png",
+        eia_file.stat().st_size,
+        str(eia_file),
+    )
+    assert client.reconstruct(kept, **FIELDS).id == client.reconstruct(eia_file, **FIELDS).id
+    assert client.inspect(kept)["input"]["bytes"] == kept.bytes
+    eia = client.render_eia(client.send_file(cube_file.read_bytes()), lenses=(6, 9), pixels=(4, 4))
+    large = client.submit(eia, "upscale", model="bicubic")  # of a result, and then of a job
+    large.result()
+    assert decode(client.upscale(large, model="nearest").content, name="x").shape == (96, 144, 3)
+    assert sent.count("/v1/files") == 2
+    with pytest.raises(InvalidOption, match="the form has 'scene'; send one part 'file'"):
+        client.send_file("scene:vase")
+
+
+def test_a_file_that_expired_is_sent_again(client, server, eia_file):
+    kept = client.send_file(eia_file)
+    with eia_file.open("rb") as file:
+        content = client.send_file(file)
+    assert kept == content
+    client.delete(f"/v1/files/{kept.id}")
+    with pytest.raises(ResultExpired, match=r"^file_id: no file or result '.*' is kept.*; send the file again$"):
+        client.reconstruct(content, **FIELDS)  # its path is not known
+    assert client.reconstruct(kept, **FIELDS).id == client.reconstruct(content, **FIELDS).id
+    client.delete(f"/v1/files/{kept.id}")
+    eia_file.write_bytes(encode_png(EIA[::2].copy()))
+    with pytest.raises(ResultExpired):
+        client.reconstruct(kept, **FIELDS)  # its bytes have changed
+
+    async def run():
+        async with AsyncClient(server) as other:
+            kept = await other.send_file(eia_file)
+            await other.delete(f"/v1/files/{kept.id}")
+            return (await other.upscale(kept, model="bicubic")).id
+
+    assert asyncio.run(run()) == client.upscale(eia_file, model="bicubic").id

@@ -21,4 +21,10 @@ def test_jobs_of_a_server_whose_files_are_in_s3(eia_file, tmp_path):
             assert result.content in [bytes(data) for data in objects.values()]
             again = client.reconstruct(eia_file, lenses=(6, 9), views=(1, 2), model="none")
             assert (again.content, set(again.timings_ms)) == (result.content, {"stored", "total"})
+            kept = client.send_file(eia_file)
+            assert client.send_file(eia_file) == kept
+            assert client.reconstruct(kept, lenses=(6, 9), views=(1, 2), model="none").id == result.id
+            view = client.reconstruct(kept, lenses=(6, 9), views=(2, 2), model="none")
+            assert np.array_equal(decode(view.content, name="x"), EIA[2::4, 2::4])
+            assert decode(client.upscale(view, model="nearest").content, name="x").shape == (12, 18, 3)
         assert {key.rpartition("/")[0] for key in objects} == {"bucket/ciir/results"}  # the input was removed
