@@ -7,6 +7,9 @@ import { TEXTS } from "./texts.js";
 const KEY = "key";
 const RETRY_MILLISECONDS = 1000;
 const ENDED = ["done", "failed", "cancelled"];
+const EXPIRED = 410;
+/** @type {WeakMap<File, string>} The ids of the files that the server keeps. */
+const kept = new WeakMap();
 
 /**
  * @typedef {object} Status The status of a job, as described in docs/http.md.
@@ -128,6 +131,38 @@ function isReadable(form) {
   );
 }
 
+/**
+ * Posts a form.
+ * @param {string} path
+ * @param {FormData} form
+ * @param {AbortSignal} signal
+ * @param {(share: number) => void} [report] Called with the share of the form that has been sent.
+ * @returns {Promise<any>} The JSON of the answer.
+ */
+async function post(path, form, signal, report = () => {}) {
+  const init = { method: "POST", body: form, headers: { Prefer: "respond-async" }, signal };
+  const sent = request(path, init, (to, prepared) => send(to, prepared, report));
+  const response = await sent.catch(async (error) => {
+    throw error instanceof Problem && error.status === 0 && !(await isReadable(form)) ? new Error(TEXTS.changed) : error;
+  });
+  return response.json();
+}
+
+/**
+ * Sends a file, which the server keeps for several jobs.
+ * @param {File} file
+ * @param {AbortSignal} signal
+ * @param {(share: number) => void} [report]
+ * @returns {Promise<string>} Its id.
+ */
+async function keepFile(file, signal, report) {
+  const form = new FormData();
+  form.append("file", file);
+  const { id } = await post("/v1/files", form, signal, report);
+  kept.set(file, id);
+  return id;
+}
+
 /** A job of the server. */
 export class Job {
   /**
@@ -140,20 +175,24 @@ export class Job {
   }
 
   /**
-   * Posts a job.
+   * Posts a job. Its file is only sent if the server does not keep it, or not any more.
    * @param {string} kind The kind of job, such as `reconstructions`.
    * @param {FormData} form
    * @param {AbortSignal} signal
-   * @param {(share: number) => void} [report] Called with the share of the form that has been sent.
+   * @param {(share: number) => void} [report] Called with the share of the file that has been sent.
    */
-  static async post(kind, form, signal, report = () => {}) {
-    const init = { method: "POST", body: form, headers: { Prefer: "respond-async" }, signal };
-    const sent = request(`/v1/${kind}`, init, (path, prepared) => send(path, prepared, report));
-    const response = await sent.catch(async (error) => {
-      throw error instanceof Problem && error.status === 0 && !(await isReadable(form)) ? new Error(TEXTS.changed) : error;
+  static async post(kind, form, signal, report) {
+    const file = form.get("file"), path = `/v1/${kind}`;
+    if (file instanceof File) {
+      form.delete("file");
+      form.set("file_id", kept.get(file) ?? (await keepFile(file, signal, report)));
+    }
+    const status = await post(path, form, signal).catch(async (error) => {
+      if (!(file instanceof File && error instanceof Problem && error.status === EXPIRED)) throw error;
+      form.set("file_id", await keepFile(file, signal, report));
+      return post(path, form, signal);
     });
-    const status = await response.json();
-    return new Job(`/v1/${kind}/${status.id}`, status);
+    return new Job(`${path}/${status.id}`, status);
   }
 
   /**

@@ -11,7 +11,7 @@ export const PROBLEMS = /** @type {Record<number, string>} */ ({
   404: "The server no longer has this job. Open the file again.",
   408: "The upload took too long. Try a smaller file or a faster connection.",
   409: "The job was cancelled.",
-  410: "The server no longer keeps this result. Open the file again.",
+  410: "The server no longer keeps this. Open the file again.",
   413: "This exceeds a limit of the server.",
   415: "The server can't read this file.",
   422: "The file or a setting does not fit.",

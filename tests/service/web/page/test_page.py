@@ -259,13 +259,17 @@ def test_recent_jobs_of_another_form_are_left_out(page, kept):
     expect(page.locator("#recent-list button")).to_have_count(1)
 
 
-def test_a_file_that_has_changed_has_to_be_chosen_again(page, tmp_path):
-    page.expected = ["ERR_UPLOAD_FILE_CHANGED"]
+def test_a_file_that_has_changed_has_to_be_chosen_again_once_the_server_keeps_it_no_more(page, server, tmp_path):
+    page.expected = ["ERR_UPLOAD_FILE_CHANGED", "410"]
     path = tmp_path / "cube.off"
     path.write_bytes(CUBE)
-    page.locator("#files").set_input_files(path)
+    with page.expect_response("**/v1/files") as sent:
+        page.locator("#files").set_input_files(path)
     wait_for_picture(page, 200, 200)
     os.utime(path, (0, 0))
+    set_field(page, "lenses", "10x15")
+    wait_for_picture(page, 20, 30)
+    assert page.request.delete(f"{server}/v1/files/{sent.value.json()['id']}").ok
     set_field(page, "lenses", "20x30")
     expect(page.get_by_role("alert")).to_contain_text("was changed or removed")
 

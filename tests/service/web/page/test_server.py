@@ -6,7 +6,16 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.support.browser import needs_browser
-from tests.support.browser.page import SMALL, choose, choose_mode, go_to, open_scene, wait_for_picture, wait_for_rest
+from tests.support.browser.page import (
+    SMALL,
+    choose,
+    choose_mode,
+    go_to,
+    open_scene,
+    set_field,
+    wait_for_picture,
+    wait_for_rest,
+)
 from tests.support.inputs import CUBE, EIA_PNG
 from tests.support.servers import Line
 from tests.support.web import serve_app
@@ -115,7 +124,7 @@ def test_a_key_is_kept_as_long_as_the_tab_alone(browser, tmp_path):
         page.goto(f"{server.url}#file=eia.png&lenses=6x9&show=mapped")
         choose(page, ("eia.png", EIA_PNG))
         for key in ("wrong", "wrong\u20ac", f"\u200b {KEY[:4]}\u200b{KEY[4:]} \ufeff"):
-            with page.expect_response("**/v1/inspections"):
+            with page.expect_response("**/v1/files"):
                 page.get_by_label("Key of this server").fill(key)
                 page.get_by_role("button", name="Use key").click()
             if "wrong" in key:
@@ -268,3 +277,72 @@ def test_a_recent_job_that_is_gone_is_reported_at_the_start_too(page):
     page.get_by_role("button", name="Another file").click()
     expect(page.get_by_role("heading", name="Look around")).to_be_visible()
     expect(page.locator("#recent")).to_be_hidden()  # the list no longer has it
+
+
+@pytest.fixture
+def posts(page):
+    """The page's posts: the end of the path, and whether a file that was sent before is named."""
+    found = []
+
+    def keep(request):
+        if request.method == "POST":
+            found.append((request.url.rpartition("/")[2], 'name="file_id"' in (request.post_data or "")))
+
+    page.on("request", keep)
+    return found
+
+
+def show_mapped_eia(page):
+    go_to(page, "#file=eia.png&lenses=6x9&show=mapped")
+    choose(page, ("eia.png", EIA_PNG))
+    wait_for_picture(page, 6, 9)
+
+
+def test_a_file_is_sent_once(page, posts):
+    show_mapped_eia(page)
+    choose_mode(page, "Look around")
+    wait_for_rest(page)
+    with page.expect_download():
+        page.locator("#format").select_option("plane/png")
+        page.get_by_role("button", name="Download").click()
+    kinds = [kind for kind, _ in posts]
+    assert kinds[:2] == ["files", "inspections"]
+    assert {"reconstructions", "planes"} <= set(kinds[2:])
+    assert [is_named for _, is_named in posts] == [False] + [True] * (len(posts) - 1)
+
+
+@pytest.mark.parametrize("way", ["expired", "lost"])
+def test_a_file_that_the_server_keeps_no_more_is_sent_again(page, posts, server, way):
+    page.expected = ["410"]
+    with page.expect_response("**/v1/files") as sent:
+        show_mapped_eia(page)
+    kept = f"{server}/v1/files/{sent.value.json()['id']}"
+    if way == "expired":
+        assert page.request.delete(kept).ok
+    else:
+        page.route(
+            "**/v1/reconstructions",
+            lambda route: route.fulfill(status=410, json={"detail": "file_id: no file is kept"}),
+            times=1,
+        )
+    posts.clear()
+    set_field(page, "lenses", "12x18")
+    wait_for_picture(page, 12, 18)
+    assert [kind for kind, _ in posts] == ["reconstructions", "files", "reconstructions"]
+    assert page.request.get(kept).ok
+    posts.clear()
+    set_field(page, "lenses", "6x9")
+    choose_mode(page, "Upscaled")
+    wait_for_picture(page, 12, 18)
+    assert "files" not in [kind for kind, _ in posts]
+
+
+def test_a_file_that_is_refused_again_is_reported(page, posts):
+    page.expected = ["410"]
+    page.route(
+        "**/v1/reconstructions", lambda route: route.fulfill(status=410, json={"detail": "file_id: no file is kept"})
+    )
+    go_to(page, "#file=eia.png&lenses=6x9&show=mapped")
+    choose(page, ("eia.png", EIA_PNG))
+    expect(page.get_by_role("alert")).to_contain_text("file_id: no file is kept")
+    assert [kind for kind, _ in posts] == ["files", "inspections", "reconstructions", "files", "reconstructions"]
