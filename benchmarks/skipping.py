@@ -64,7 +64,7 @@ def load_upscale(name: str, views: Views) -> Upscale:
         model, picture = catalogue.load_upscaler(name), np.ascontiguousarray(views[middle][np.newaxis])
         return lambda skip, statistics: upscale_pixels(model, picture, skip=skip, statistics=statistics)
     network = catalogue.load_light_field_network(name)
-    fallback = catalogue.load_upscaler(catalogue.prefer_int8(catalogue.FALLBACK))
+    fallback = catalogue.load_upscaler(catalogue.picture_default_name())
     grid = (SIDE, SIDE)
     return lambda skip, statistics: upscale_views(
         network, fallback, views, [middle], grid, skip=skip, statistics=statistics

@@ -26,14 +26,15 @@ if TYPE_CHECKING:
 SHIPPED = Path(__file__).parent / "shipped"
 """The folder of the shipped networks, with an `.onnx` file and a `.json` card for each."""
 DEFAULT = "fast"
-"""The default single-picture network, as float; see `default_name`."""
+"""The default single-picture network for rendered views, as float; see `default_name`."""
 LIGHT_FIELD_DEFAULT = "field"
 """The default network for views of a light field, as float; see `light_field_default_name`."""
 FILES = (".json", ".onnx")
 """The suffixes of a network's files."""
 FALLBACK = "quality"
-"""The single-picture network, as float, that helps light-field networks: it replaces pixels of low confidence, and its
-picture is averaged with theirs (`models.light_field.finishing`)."""
+"""The default single-picture network for pictures and captured views, as float; see `picture_default_name`. It also
+helps light-field networks: it replaces pixels of low confidence, and its picture is averaged with theirs
+(`models.light_field.finishing`)."""
 BASELINES: dict[str, Callable[[int], Upscaler]] = {"bicubic": Bicubic, "nearest": Nearest}
 """Interpolation by name: constructors that take a scale."""
 
@@ -110,8 +111,15 @@ def list_single_image_names() -> list[str]:
 
 
 def default_name() -> str:
-    """Returns the default single-picture model: `DEFAULT` or its int8 twin, see `prefer_int8`."""
+    """Returns the default single-picture model for rendered views: `DEFAULT` or its int8 twin, see `prefer_int8`."""
     return prefer_int8(DEFAULT)
+
+
+def picture_default_name() -> str:
+    """Returns the default model for pictures and captured views, which may be noisy or JPEGs: `FALLBACK` or its int8
+    twin.
+    """
+    return prefer_int8(FALLBACK)
 
 
 def light_field_default_name() -> str:
@@ -146,7 +154,7 @@ def load_upscaler(name: str, *, scale: int = 2, threads: int | None = None, emul
     if entry.is_light_field or entry.path is None:
         raise UnsuitedModel(
             f"model {name}: it upscales views of a light field, not single pictures; use `ciir reconstruct`, or name "
-            f"{DEFAULT} for single pictures"
+            f"{FALLBACK} for single pictures"
         )
     with _lock:
         return _open_single(entry.path.resolve(), threads, emulates_int8)

@@ -8,9 +8,9 @@ from ciir.models import catalogue
 
 
 def list_models() -> list[dict[str, Any]]:
-    """Lists the models of the catalogue: name, kind, scales and input of each, `default` (for single pictures),
+    """Lists the models of the catalogue: name, kind, scales and input of each, `default` (for pictures),
     `unsupported_reason` (why this processor can't run it, or None) and card (or None)."""
-    default = catalogue.default_name()
+    default = catalogue.picture_default_name()
     return [
         {
             "name": entry.name,

@@ -151,7 +151,7 @@ def _upscale_single(network: Any, views: Views, at: View, finds_sampling: bool =
 def _upscale_light_field(network: Any, views: Views, at: View, finds_sampling: bool) -> Picture:
     grid = (views.shape[0], views.shape[1])
     every = {(v, u): views[v, u] for v in range(grid[0]) for u in range(grid[1])}
-    fallback = catalogue.load_upscaler(catalogue.prefer_int8(catalogue.FALLBACK), scale=SCALE)
+    fallback = catalogue.load_upscaler(catalogue.picture_default_name(), scale=SCALE)
     stride = choose_stride(measure_motion(views), grid) if finds_sampling else 1  # not for a mesh's views
     upscale = partial(upscale_views, network, fallback, finds_sampling=finds_sampling)
     made, _ = upscale_spaced_views(upscale, every, [at], grid, stride)

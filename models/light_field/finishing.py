@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ciir.models.light_field.disparities.shifts import Pixels, Plane
-    from ciir.models.light_field.sampling import Sampling
+    from ciir.models.sampling import Sampling
 
 CONFIDENT, UNCERTAIN = 0.8, 1.2
 """Up to the first uncertainty the light-field network's picture is used, from the second the fallback's. Views of one
@@ -33,10 +33,12 @@ fields with bicubic LR this gains 0.1 to 0.7 dB with `field` and 0.1 to 0.4 with
 
 
 class Finishing(NamedTuple):
-    """How a view was finished after the light-field network."""
+    """How a view was finished after the network."""
 
     fallback: float = 0.0
     """The share of pixels that come mostly from the single-picture fallback, because confidence is low."""
+    interpolated: float = 0.0
+    """The share of bicubic interpolation in a view that was upscaled by itself (`models.single.finishing`)."""
     is_fused: bool = False
     """Whether the view is a mean with the upscaled views around it (`models.light_field.fusion`)."""
     sampling: Sampling | None = None

@@ -11,9 +11,9 @@ from ciir.bit_depth import count_unused_bits, lower_levels, raise_levels, round_
 from ciir.errors import InvalidImage
 from ciir.models.light_field.finishing import Finishing, finish_view
 from ciir.models.light_field.runner import Job, run_network
-from ciir.models.light_field.sampling import Sampling, find_sampling
 from ciir.models.light_field.skipping import find_repeats
 from ciir.models.light_field.windows import WINDOW_SIDE, find_middle, list_required_views, list_window
+from ciir.models.sampling import Sampling, find_sampling
 from ciir.models.single.pixels import upscale_pixels
 from ciir.models.single.skipping import SkipStatistics
 

@@ -22,7 +22,7 @@ from ciir.renderer.writers.pictures import encode
 from ciir.service.pipeline.limits import check_size
 from ciir.service.pipeline.options import AUTO, NO_MODEL
 from ciir.service.pipeline.report import Clock, Report, find_versions
-from ciir.service.pipeline.stages.upscaling import describe_model, describe_skipped
+from ciir.service.pipeline.stages.upscaling import describe_average, describe_model, describe_skipped
 
 if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
@@ -66,22 +66,25 @@ def upscale_files(
     """Upscales the pictures that `outputs` names, one at a time, keeping their depth and channels. Returns the report.
 
     `files`: name to bytes. `outputs`: input name to output name, whose suffix selects the format (see `output_names`).
-    `model`: a single-picture model; `auto` is the catalogue's default. `skip`: whether pixels with a known result
+    `model`: a single-picture model; `auto` is the catalogue's default, whose pictures become means with bicubic
+    interpolation if they don't fit their input (`models.single.finishing`). `skip`: whether pixels with a known result
     are skipped. `limits`: limits on the inputs. `max_pixels`: most pixels of an output.
     Raises `InputError` with the picture's name, and `ModelError`.
     """
+    from ciir.models.single.finishing import average_misfit
     from ciir.models.single.pixels import upscale_pixels
 
     clock = clock or Clock()
     if model == NO_MODEL:
         raise InvalidOption("model: none leaves pictures as they are; give a model that `ciir models` lists")
-    name_of_model = catalogue.default_name() if model == AUTO else model
+    name_of_model = catalogue.picture_default_name() if model == AUTO else model
     with clock.stage("upscale"):
         upscaler = catalogue.load_upscaler(name_of_model, scale=scale)
     done: list[dict[str, Any]] = []
     statistics = SkipStatistics()
     profiles: dict[str, list[str]] = {}
     several: list[str] = []
+    averaged: list[float] = []
     is_rounded = False
     for name, output in outputs.items():
         with clock.stage("decode"):
@@ -97,6 +100,8 @@ def upscale_files(
             begun = time.perf_counter()
             large = upscale_pixels(upscaler, pixels[np.newaxis], skip=skip, statistics=statistics)[0]
             statistics.seconds += time.perf_counter() - begun
+            if model == AUTO and (share := average_misfit(large, pixels)):
+                averaged.append(share)
         with clock.stage("encode"):
             write(output, _encode(large, output))
         height, width, channels = large.shape
@@ -123,6 +128,7 @@ def upscale_files(
             "each of them"
             for name in several
         ]
+        + ([f"{len(averaged)} of {len(done)} pictures are {describe_average(max(averaged))}"] if averaged else [])
         + [ROUNDED] * is_rounded,
         "model": describe_model(name_of_model, scale),
         "skipped": describe_skipped(statistics),

@@ -129,7 +129,7 @@ def test_a_light_field_network_is_no_upscaler(name):
     network = catalogue.load_light_field_network(name)
     assert network.name == name
     assert network is catalogue.load_light_field_network(name)
-    with pytest.raises(UnsuitedModel, match=f"model {name}: .* use `ciir reconstruct`, or name fast"):
+    with pytest.raises(UnsuitedModel, match=f"model {name}: .* use `ciir reconstruct`, or name quality"):
         models.load_upscaler(name)
 
 

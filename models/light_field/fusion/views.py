@@ -12,10 +12,10 @@ from ciir.models.light_field.fusion.disparity import estimate_disparity
 from ciir.models.light_field.fusion.pixels import fuse_lumas
 from ciir.models.light_field.network import compute_luma
 from ciir.models.light_field.planes import Range
-from ciir.models.light_field.sampling import find_common_means
 from ciir.models.light_field.strides import list_spaced_views, upscale_spaced_views
 from ciir.models.light_field.windows import WINDOW_SIDE
 from ciir.models.parallel import run_each
+from ciir.models.sampling import find_common_means
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from ciir.models.light_field.disparities.shifts import Pixels, Plane
     from ciir.models.light_field.finishing import Finishing
     from ciir.models.light_field.fusion import Fusion
-    from ciir.models.light_field.sampling import Sampling
     from ciir.models.light_field.strides import UpscaleViews
     from ciir.models.light_field.windows import View
+    from ciir.models.sampling import Sampling
 
 Value = TypeVar("Value")
 

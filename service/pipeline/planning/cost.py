@@ -214,7 +214,7 @@ def _upscaler(model: str, scale: int) -> Callable[[], object]:
         single = catalogue.load_upscaler(model, scale=scale)
         return lambda: upscale_pixels(single, pictures[:VIEWS])
     network = catalogue.load_light_field_network(model, scale=scale)
-    fallback = catalogue.load_upscaler(catalogue.prefer_int8(catalogue.FALLBACK), scale=scale)
+    fallback = catalogue.load_upscaler(catalogue.picture_default_name(), scale=scale)
     views = dict(zip(np.ndindex(7, 7), pictures, strict=True))
     wanted = [(2 + number // 3, 2 + number % 3) for number in range(VIEWS)]  # their windows are complete
     return lambda: upscale_views(network, fallback, views, wanted, (7, 7))

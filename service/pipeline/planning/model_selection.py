@@ -50,24 +50,40 @@ def select_model(job: Job) -> Selection:
         return _select_automatically(job, networks)
     if not networks[job.model].is_light_field:
         return Selection(job.model)
-    default = catalogue.default_name()
+    return _select_light_field(job, networks)
+
+
+def _select_light_field(job: Job, networks: dict[str, Entry]) -> Selection:
+    """Selects the light-field network that was named, or a single-picture network if views can't help each other."""
+    default = _name_single(job)
     if reason := _no_light_field(job):
-        replaced = f"{default}, view by view, in place of {job.model}, as {reason}"
-        return Selection(default, reasons=(replaced,), note=replaced)
+        return _replace_model(job, default, reason)
     if job.mesh is None:
         spaced = _describe_stride(job)
         reasons = (f"{job.model}: {spaced}",) if spaced else ()
         return Selection(job.model, True, reasons=reasons, note=_describe_wrong_order(job))
     moves_array, rendered = _judge_moving(job, job.mesh, networks[job.model], networks[default])
+    if not moves_array and (reason := _too_few_views(job)):
+        return _replace_model(job, default, reason)
     neighbours = count_rendered(job) - len(job.wanted)
     if not moves_array and neighbours:
         rendered = f": views around those asked for are rendered too, {neighbours} of them"
     return Selection(job.model, True, moves_array, (f"{job.model}{rendered}",) if rendered else ())
 
 
+def _replace_model(job: Job, default: str, reason: str) -> Selection:
+    replaced = f"{default}, view by view, in place of {job.model}, as {reason}"
+    return Selection(default, reasons=(replaced,), note=replaced)
+
+
+def _name_single(job: Job) -> str:
+    """Returns the default single-picture network: for captured views, which may be noisy or JPEGs, the larger one."""
+    return catalogue.default_name() if job.mesh is not None else catalogue.picture_default_name()
+
+
 def _select_automatically(job: Job, networks: dict[str, Entry]) -> Selection:
     """Selects the model for `auto` from the installed `networks`, by name."""
-    default, light_field = catalogue.default_name(), catalogue.light_field_default_name()
+    default, light_field = _name_single(job), catalogue.light_field_default_name()
     reason, rendered = _reason_against(light_field, networks.get(light_field), job), ""
     moves_array = False
     if not reason and job.mesh is not None:
@@ -81,7 +97,8 @@ def _select_automatically(job: Job, networks: dict[str, Entry]) -> Selection:
     precision = _describe_precision(networks[light_field])
     spaced = _describe_stride(job)
     rendered += f"; {spaced}" if spaced else ""
-    why = f"model auto: {light_field}, as {_views(job)} help each other{rendered}{precision}"
+    several = "pictures of each view" if moves_array else _views(job)
+    why = f"model auto: {light_field}, as {several} help each other{rendered}{precision}"
     return Selection(light_field, True, moves_array, (why,), _describe_wrong_order(job))
 
 
@@ -106,11 +123,16 @@ def _views(job: Job) -> str:
 
 def _no_light_field(job: Job) -> str:
     """Says why the views of `job` can't help each other; empty if they can."""
-    if min(job.grid) < MINIMUM_GRID:
-        return f"{_views(job)} are fewer than the {MINIMUM_GRID}x{MINIMUM_GRID} that a light-field network needs"
     if job.is_transparent:
         return "views with transparency can't help each other"
-    return ""
+    return "" if job.mesh is not None else _too_few_views(job)
+
+
+def _too_few_views(job: Job) -> str:
+    """Says why the views of `job` are too few to help each other, but for a mesh's through a moved lens array."""
+    if min(job.grid) >= MINIMUM_GRID:
+        return ""
+    return f"{_views(job)} are fewer than the {MINIMUM_GRID}x{MINIMUM_GRID} that a light-field network needs"
 
 
 def _describe_wrong_order(job: Job) -> str:
@@ -139,7 +161,7 @@ def _judge_moving(job: Job, mesh: Scene, light_field: Entry, single: Entry) -> t
     extra = predict_extra(job, mesh, light_field, single, moves_array=True, bound=bound)
     if extra > bound:
         return False, ""
-    rendered = f"; each is rendered through the lens array at {WINDOW_SIDE}x{WINDOW_SIDE} positions"
+    rendered = f"; each view is rendered through the lens array at {WINDOW_SIDE}x{WINDOW_SIDE} positions"
     return True, f"{rendered}: {_compare(job, extra, single, bound)}"
 
 
@@ -148,6 +170,8 @@ def _judge_neighbours(job: Job, mesh: Scene, light_field: Entry, single: Entry) 
 
     The reason is empty if they are rendered; the cost is empty if there are no neighbours.
     """
+    if reason := _too_few_views(job):
+        return reason, ""
     neighbours = count_rendered(job) - len(job.wanted)
     if not neighbours:
         return "", ""

@@ -13,7 +13,7 @@ from ciir.models.light_field.windows import WINDOW_SIDE
 from ciir.renderer import backends
 from ciir.renderer.sampling import LENSLET_SAMPLES
 from ciir.service.pipeline.limits import MAX_VIEW_SAMPLES
-from ciir.service.pipeline.options import NO_MODEL, Options
+from ciir.service.pipeline.options import AUTO, NO_MODEL, Options
 from ciir.service.pipeline.planning import cost
 from ciir.service.pipeline.planning.model_selection import select_model
 from ciir.service.pipeline.planning.prediction import predict_times
@@ -44,8 +44,11 @@ class Plan:
     """Whether the model takes a view together with its neighbours."""
     restores_means: bool = False
     """Whether upscaled views are brought closer to the means that lenslets saw (`models.back_projection`)."""
+    averages_misfits: bool = False
+    """Whether pictures that a single-picture network makes badly become means with interpolation
+    (`models.single.finishing`)."""
     finds_sampling: bool = False
-    """Whether to find out if a light-field network's views are filtered or means (`models.light_field.sampling`)."""
+    """Whether to find out if a light-field network's views are filtered or means (`models.sampling`)."""
     moves_array: bool = False
     """Whether a mesh's views are rendered through a lens array at several positions, in place of their neighbours."""
     fusion: Fusion = "never"
@@ -104,6 +107,7 @@ def make_plan(job: Job) -> Plan:
         tuple(reasons),
         selected.is_light_field,
         restores_means,
+        job.model == AUTO and is_network and not selected.is_light_field and job.mesh is None,
         selected.is_light_field and job.mesh is None and job.sampling != "lenslet",
         selected.moves_array,
         fusion,

@@ -12,13 +12,12 @@ from ciir.bit_depth import count_unused_camera_bits, limit_levels
 from ciir.cores import count_available_cores
 from ciir.models import catalogue
 from ciir.models.back_projection import restore_means
-from ciir.models.light_field.finishing import MINIMUM_FALLBACK_SHARE
+from ciir.models.light_field.finishing import MINIMUM_FALLBACK_SHARE, Finishing
 from ciir.service.pipeline.stages import moved_array
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ciir.models.light_field.finishing import Finishing
     from ciir.models.single.skipping import SkipStatistics
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
@@ -68,7 +67,7 @@ def _load_model(
         from ciir.models.light_field.views import upscale_views
 
         network = catalogue.load_light_field_network(plan.model, scale=plan.scale)
-        fallback = catalogue.load_upscaler(fallback_name(), scale=plan.scale)
+        fallback = catalogue.load_upscaler(catalogue.picture_default_name(), scale=plan.scale)
         upscale = partial(
             upscale_views,
             network,
@@ -102,13 +101,17 @@ def _load_model(
             return np.concatenate([made, np.full_like(made[..., :1], alpha)], axis=3) if alpha else made, finished
 
         return upscale_light_field
+    from ciir.models.single.finishing import average_misfit
     from ciir.models.single.pixels import upscale_pixels
 
     upscaler = catalogue.load_upscaler(plan.model, scale=plan.scale)
 
     def upscale_singly(views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, list[Finishing]]:
         pictures: NDArray[Any] = np.stack([views[view] for view in wanted])
-        return upscale_pixels(upscaler, pictures, skip=skip, statistics=statistics), []
+        made = upscale_pixels(upscaler, pictures, skip=skip, statistics=statistics)
+        if not plan.averages_misfits:
+            return made, []
+        return made, [Finishing(interpolated=share) for share in map(average_misfit, made, pictures)]
 
     return upscale_singly
 
@@ -124,11 +127,6 @@ def _split_alpha(views: Mapping[View, Pixels]) -> tuple[Mapping[View, Pixels], i
     return {view: picture[..., :-1] for view, picture in views.items()}, int(np.iinfo(first.dtype).max)
 
 
-def fallback_name() -> str:
-    """Returns the single-picture network that helps light-field networks on this processor."""
-    return catalogue.prefer_int8(catalogue.FALLBACK)
-
-
 def describe_model(name: str, scale: int) -> dict[str, Any]:
     """Returns the report's `model`: name, scale, and the network's SHA-256, null for interpolation.
 
@@ -138,7 +136,7 @@ def describe_model(name: str, scale: int) -> dict[str, Any]:
     described = {"name": name, "scale": scale, "sha256": entry.card.sha256 if entry.card is not None else None}
     if not entry.is_light_field:
         return described
-    return described | {"fallback": describe_model(fallback_name(), scale)}
+    return described | {"fallback": describe_model(catalogue.picture_default_name(), scale)}
 
 
 def describe_skipped(statistics: SkipStatistics) -> dict[str, Any]:
@@ -158,13 +156,13 @@ def describe_skipped(statistics: SkipStatistics) -> dict[str, Any]:
 
 
 def finishing_reasons(plan: Plan, finished: Sequence[Finishing]) -> list[str]:
-    """Says how views were treated that look as if they were sampled in certain ways (`models.light_field.sampling`),
+    """Says how views were treated that look as if they were sampled in certain ways (`models.sampling`),
     and which ones were fused.
     """
     reasons = []
     if any(view.is_averaged for view in finished):
         filtered = "views that look as if they were downscaled with an antialiasing filter"
-        both = f"the results of {plan.model} and {fallback_name()}"
+        both = f"the results of {plan.model} and {catalogue.picture_default_name()}"
         reasons.append(f"{filtered} are means of {both}: other views add little there")
     if any(view.is_restored for view in finished):
         reasons.append("views without noise that look filtered or like means are brought closer to what was seen")
@@ -174,7 +172,17 @@ def finishing_reasons(plan: Plan, finished: Sequence[Finishing]) -> list[str]:
         reasons.append(
             f"fusion: {fused} of {len(finished)} views are means with the upscaled views around them, as {why}"
         )
+    if shares := [view.interpolated for view in finished if view.interpolated]:
+        reasons.append(f"{len(shares)} of {len(finished)} views are {describe_average(max(shares))}")
     return reasons
+
+
+def describe_average(share: float) -> str:
+    """Says what pictures are of which bicubic interpolation makes up to `share` (`models.single.finishing`)."""
+    return (
+        f"means with bicubic interpolation, which makes up to {100 * share:.0f} %, because noise, the errors of a JPEG "
+        "or jagged edges would be sharpened"
+    )
 
 
 def fallback_notes(finished: Sequence[Finishing], *, of_mesh: bool) -> list[str]:
@@ -182,7 +190,7 @@ def fallback_notes(finished: Sequence[Finishing], *, of_mesh: bool) -> list[str]
     share = sum(view.fallback for view in finished) / max(1, len(finished))
     if share < MINIMUM_FALLBACK_SHARE:
         return []
-    made = f"{100 * share:.0f} % of the pixels were made by {fallback_name()} from their view alone"
+    made = f"{100 * share:.0f} % of the pixels were made by {catalogue.picture_default_name()} from their view alone"
     captured = "another scene, a wrong order of views, noise, errors of a JPEG, or depths too far apart"
     causes = "too few lenses, or depths too far apart" if of_mesh else captured
     return [f"{made}: the neighbouring views don't match there ({causes})"]

@@ -51,7 +51,7 @@ async def readyz(state: State) -> dict[str, str]:
     operation_id="listModels",
     tags=["models"],
     summary="List of models with their cards",
-    description=f"`default` marks the default for single pictures. Without the option `model`: {AUTO_MODEL}.",
+    description=f"`default` marks the default for pictures. Without the option `model`: {AUTO_MODEL}.",
     response_class=JSONResponse,
     responses=openapi.describe_json(200, "the models", {"type": "array", "items": schemas.refer("Model")})
     | openapi.describe_errors(401),

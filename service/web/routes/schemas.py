@@ -168,7 +168,7 @@ class Model(TypedDict):
     """The factors it upscales by, ascending."""
     takes: Literal["a picture", "a view and those around it"]
     default: bool
-    """Whether it is the default for single pictures."""
+    """Whether it is the default for pictures."""
     unsupported_reason: str | None
     """Why the server's processor can't run it; null if it can."""
     card: Card | None

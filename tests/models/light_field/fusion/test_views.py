@@ -15,8 +15,8 @@ from ciir.models.light_field.fusion.views import (
     list_fused_views,
 )
 from ciir.models.light_field.planes import Range
-from ciir.models.light_field.sampling import Sampling
 from ciir.models.light_field.strides import list_spaced_views
+from ciir.models.sampling import Sampling
 
 GRID = (6, 5)
 

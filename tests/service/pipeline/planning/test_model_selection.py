@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from ciir.models import catalogue, processor
-from ciir.models.catalogue import DEFAULT, LIGHT_FIELD_DEFAULT
+from ciir.models.catalogue import DEFAULT, FALLBACK, LIGHT_FIELD_DEFAULT
 from ciir.renderer.light_field import LightField
 from ciir.renderer.view_order.evidence import ORDERS
 from ciir.service.pipeline.job import resolve_job
@@ -26,10 +26,10 @@ def mesh(model="auto", *, grid=(4, 5), wanted=ALL, **options):
     return select_model(make_mesh_job(model=model, grid=grid, wanted=wanted, **options))
 
 
-def goes_one_by_one(choice, *words):
+def goes_one_by_one(choice, *words, model=DEFAULT):
     (reason,) = choice.reasons
-    assert (choice.model, choice.is_light_field) == (DEFAULT, False)
-    assert all(word in reason for word in (DEFAULT, *words)), reason
+    assert (choice.model, choice.is_light_field) == (model, False)
+    assert all(word in reason for word in (model, *words)), reason
     return True
 
 
@@ -43,17 +43,17 @@ def test_pictures_on_a_grid_help_one_another(stand_in, options):
 @pytest.mark.parametrize("grid", [(1, 1), (2, 9), (9, 2)])
 @pytest.mark.parametrize("model", ["auto", LIGHT_FIELD_DEFAULT])
 def test_few_views_go_one_by_one(stand_in, grid, model):
-    assert goes_one_by_one(pictures(model, grid=grid), f"{grid[0]}x{grid[1]} views", "3x3")
+    assert goes_one_by_one(pictures(model, grid=grid), f"{grid[0]}x{grid[1]} views", "3x3", model=FALLBACK)
     assert goes_one_by_one(mesh(model, grid=grid, wanted=[(0, 0)]), f"{grid[0]}x{grid[1]} views")
 
 
 @pytest.mark.parametrize("model", ["auto", LIGHT_FIELD_DEFAULT])
 def test_views_with_transparency_go_one_by_one(stand_in, model):
-    assert goes_one_by_one(pictures(model, is_transparent=True), "transparency")
+    assert goes_one_by_one(pictures(model, is_transparent=True), "transparency", model=FALLBACK)
 
 
 def test_auto_leaves_other_scales_to_the_default_and_its_error(stand_in):
-    assert goes_one_by_one(pictures(scale=3), "field upscales by 2 only")
+    assert goes_one_by_one(pictures(scale=3), "field upscales by 2 only", model=FALLBACK)
     assert pictures(LIGHT_FIELD_DEFAULT, scale=3).model == LIGHT_FIELD_DEFAULT  # whose loading says what it upscales by
 
 
@@ -142,8 +142,9 @@ def test_the_lens_array_is_moved_if_that_takes_no_longer_than_the_neighbour_time
     extra(700.0)
     choice = mesh(model, wanted=[(0, 0), (3, 4)])
     assert choice.moves_array
-    assert "; each is rendered through the lens array at 5x5 positions: about 700 ms more" in choice.reasons[0]
+    assert "; each view is rendered through the lens array at 5x5 positions: about 700 ms more" in choice.reasons[0]
     assert mesh(model).moves_array
+    assert all(mesh(model, grid=grid, wanted=[(0, 0)]).moves_array for grid in ((1, 1), (1, 9), (9, 2)))
     assert not mesh(model, wanted=[(0, 0)], neighbour_time=0.6).moves_array
     assert not mesh(model, neighbour_time=0.0).moves_array
     assert mesh(model, neighbour_time=0.0).is_light_field  # all are wanted, and help each other
@@ -176,7 +177,7 @@ def test_other_models_are_taken_at_their_word(stand_in):
 def test_an_installation_without_the_light_field_network(stand_in, monkeypatch):
     singles = [entry for entry in catalogue.list_entries() if not entry.is_light_field]
     monkeypatch.setattr(catalogue, "list_entries", lambda: singles)
-    assert goes_one_by_one(pictures(), "not installed")
+    assert goes_one_by_one(pictures(), "not installed", model=FALLBACK)
 
 
 @pytest.mark.parametrize(("against", "twin", "why"), [("", "-int8", "int8"), ("it is too old", "", "it is too old")])
@@ -184,12 +185,12 @@ def test_auto_takes_the_int8_twins_where_the_processor_is_made_for_them(monkeypa
     monkeypatch.setattr(processor, "int8_unsupported_reason", lambda: against)
     for choice, model in (
         (pictures(), LIGHT_FIELD_DEFAULT),
-        (pictures(grid=(2, 2)), DEFAULT),
+        (pictures(grid=(2, 2)), FALLBACK),
         (mesh(wanted=[(0, 0)], neighbour_time=0.0), DEFAULT),
     ):
         assert choice.model == model + twin
         assert choice.reasons[0].startswith(f"model auto: {model}{twin}, ")
         assert choice.reasons[0].endswith(f"{why}{', which this processor supports' if twin else ''}")
-    assert pictures(LIGHT_FIELD_DEFAULT, grid=(2, 2)).model == DEFAULT + twin
+    assert pictures(LIGHT_FIELD_DEFAULT, grid=(2, 2)).model == FALLBACK + twin
     assert pictures(LIGHT_FIELD_DEFAULT).model == LIGHT_FIELD_DEFAULT
     assert pictures(DEFAULT).model == DEFAULT

@@ -122,7 +122,7 @@ def test_they_bring_a_view_closer_to_the_truth(sampling):
     errors = []
     for bound, words in (
         (0.0, "views around those asked for are rendered too, 24"),
-        (60.0, "each is rendered through the lens array at 5x5 positions"),
+        (60.0, "each view is rendered through the lens array at 5x5 positions"),
     ):
         made, report = run("vase", **options, neighbour_time=bound)
         assert words in report["plan"]["reasons"][0]

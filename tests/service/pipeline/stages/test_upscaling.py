@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter, shift
 
 from ciir.errors import TooLarge, UnsuitedModel, UnsupportedScale
 from ciir.models import catalogue
-from ciir.models.light_field.sampling import Finding, Sampling
+from ciir.models.sampling import Finding, Sampling
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.writers.pictures import encode_png
@@ -96,7 +96,7 @@ def test_alpha_that_is_full_everywhere_is_kept_and_no_hindrance(stand_in, channe
         assert (picture[..., -1] == np.iinfo(dtype).max).all()
     eia[3, 5, -1] -= 1
     _, report = run(Bundle.from_upload("eia.png", encode_png(eia)), lenses=(4, 7), views="cross")
-    assert report["plan"]["model"] == "fast"
+    assert report["plan"]["model"] == "quality"
 
 
 @pytest.mark.parametrize("pixels", [1, 2000, 4_000_000])

@@ -7,9 +7,9 @@ from PIL import Image
 from ciir.bit_depth import round_to_depth
 from ciir.models.back_projection import restore_luma
 from ciir.models.light_field.finishing import MOST, SURROUNDED
-from ciir.models.light_field.sampling import WHOLE_ROWS, Sampling, find_common_means
-from ciir.models.light_field.sampling import find_sampling as find
 from ciir.models.light_field.views import upscale_views
+from ciir.models.sampling import WHOLE_ROWS, Sampling, find_common_means
+from ciir.models.sampling import find_sampling as find
 from ciir.models.single.skipping import SkipStatistics
 
 

@@ -74,34 +74,75 @@ def find_sampling(large: Pixels, small: Pixels) -> Finding:
     """Finds how the view `small` `(H, W, C)` was sampled, from which a network made `large` `(scale*H, scale*W, C)`.
     Either may have 8 or 16 bits.
     """
-    from PIL import Image  # imported here because the web process doesn't need it
-
-    scale, height = len(large) // len(small), len(small)
-    peak, small_peak = (float(np.iinfo(picture.dtype).max) for picture in (large, small))
-    count = height if height <= WHOLE_ROWS else BAND_ROWS
-    tops = [0] if count == height else np.linspace(0, height - count, BANDS).astype(int).tolist()
-    differences: dict[SamplingKind, list[Plane]] = {"filter": [], "means": []}
-    ranges = []
-    for top in tops:
-        fine = Image.fromarray(compute_luma(large[scale * top : scale * (top + count)], peak))
-        seen = compute_luma(small[top : top + count], small_peak)
-        made = {"filter": fine.resize((seen.shape[1], count), Image.Resampling.BICUBIC), "means": fine.reduce(scale)}
-        for kind, parts in differences.items():
-            parts.append(_crop_border(np.asarray(made[kind]) - seen))
-        ranges.append(_crop_border(measure_contrast(seen)))
-    sums = {kind: sum(map(_add_squares, parts)) for kind, parts in differences.items()}
-    contrast = sum(map(_add_squares, ranges))
+    found = _compare(large, small, ("filter", "means"))
+    sums, contrast = found.sums, found.contrast
     if min(sums["means"], contrast) <= FLAT:
         return Finding(None)
     ratio = (sums["filter"] / sums["means"]) ** 0.5
+    kind: SamplingKind
     filtered, means = 1 - _rise(ratio, FILTERED, UNFILTERED), _rise(ratio, NOT_MEANS, MEANS)
     kind, likeness = ("filter", filtered) if filtered else ("means", means)
     is_sure = not any(low < ratio < high for low, high in UNSURE)
     if not likeness:
         return Finding(None, is_sure)
     cleanness = 1 - _rise((sums[kind] / contrast) ** 0.5, *CLEAN[kind])
-    error = np.median(np.abs(np.concatenate([part.ravel() for part in differences[kind]]))) / MEDIAN
+    error = np.median(np.abs(np.concatenate([part.ravel() for part in found.differences[kind]]))) / MEDIAN
     return Finding(Sampling(kind, likeness, likeness * cleanness, ERRORS[kind] * float(error)), is_sure)
+
+
+def measure_misfit(large: Pixels, small: Pixels) -> float:
+    """Measures how badly the picture `large` `(scale*H, scale*W, C)` fits `small` `(H, W, C)`, from which it was made:
+    its difference from `small` after the filter, divided by the range of 3x3 pixels, both as root mean squares.
+
+    Either may have 8 or 16 bits, and alpha. The result is 0 for a flat picture, and infinite for one that is too small
+    to compare.
+    """
+    if min(small.shape[:2]) <= 2 * BORDER:
+        return float("inf")
+    found = _compare(large, small, ("filter",), bands=4 * BANDS)
+    return 0.0 if found.contrast <= FLAT else (found.sums["filter"] / found.contrast) ** 0.5
+
+
+class _Comparison(NamedTuple):
+    """Sums over the pixels that are compared; values are luma in [0, 1]."""
+
+    differences: dict[SamplingKind, list[Plane]]
+    """What `small` differs by from `large`, downscaled in that way, in bands."""
+    sums: dict[SamplingKind, float]
+    """Their squares' sums."""
+    contrast: float
+    """The sum of the squared ranges of 3x3 pixels of `small`."""
+
+
+def _compare(large: Pixels, small: Pixels, kinds: Sequence[SamplingKind], *, bands: int = BANDS) -> _Comparison:
+    """Compares `large`, downscaled in each of the ways `kinds`, with `small`: all of it, or some bands."""
+    from PIL import Image  # imported here because the web process doesn't need it
+
+    scale, height = len(large) // len(small), len(small)
+    count = height if height <= max(WHOLE_ROWS, bands * BAND_ROWS) else BAND_ROWS
+    tops = [0] if count == height else np.linspace(0, height - count, bands).astype(int).tolist()
+    differences: dict[SamplingKind, list[Plane]] = {kind: [] for kind in kinds}
+    contrast = 0.0
+    for top in tops:
+        fine = Image.fromarray(_show_luma(large[scale * top : scale * (top + count)]))
+        seen = _show_luma(small[top : top + count])
+        for kind, parts in differences.items():
+            is_filter = kind == "filter"
+            made = fine.resize((seen.shape[1], count), Image.Resampling.BICUBIC) if is_filter else fine.reduce(scale)
+            parts.append(_crop_border(np.asarray(made) - seen))
+        contrast += _add_squares(_crop_border(measure_contrast(seen)))
+    sums = {kind: sum(map(_add_squares, parts)) for kind, parts in differences.items()}
+    return _Comparison(differences, sums, contrast)
+
+
+def _show_luma(picture: Pixels) -> Plane:
+    """Returns the luma of a picture `(H, W, C)` in [0, 1], in front of black if it has alpha."""
+    peak = float(np.iinfo(picture.dtype).max)
+    if picture.shape[2] in (1, 3):
+        return compute_luma(picture, peak)
+    shown: Plane = compute_luma(picture[..., :-1], peak)
+    shown *= picture[..., -1].astype(np.float32) / np.float32(peak)
+    return shown
 
 
 def find_common_means(samplings: Sequence[Sampling | None]) -> Sampling | None:
