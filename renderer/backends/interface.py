@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.sampling import average_cells, check_samples
 from ciir.renderer.views import parse_views
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from ciir.renderer.displays.progress import Progress
     from ciir.renderer.lens_array import LensArray
     from ciir.renderer.scene import Scene
     from ciir.renderer.views import View
@@ -82,16 +84,18 @@ class Backend(ABC):
         samples: int = 1,
         background: tuple[int, int, int] = BLACK,
         notes: set[str] | None = None,
+        progress: Progress = ignore_progress,
     ) -> NDArray[np.uint8]:
         """Returns the elemental image array, `(rows*pixels_v, cols*pixels_u, 4)` RGBA; see `render_views` for the rest.
 
-        Views are rendered one at a time.
+        Views are rendered one at a time, and `progress(done, total)` counts them.
         """
         every = parse_views("all", array.pixels_v, array.pixels_u)
         views = self.render_views(scene, array, every, samples=samples, background=background, notes=notes)
         eia = np.empty((array.rows * array.pixels_v, array.cols * array.pixels_u, 4), np.uint8)
-        for (v, u), view in zip(every, views, strict=True):
+        for done, ((v, u), view) in enumerate(zip(every, views, strict=True), 1):
             eia[v :: array.pixels_v, u :: array.pixels_u] = view
+            progress(done, len(every))
         return eia
 
 

@@ -13,6 +13,7 @@ from ciir.errors import InvalidOption
 from ciir.renderer.backends.interface import BLACK, Backend, fill_background
 from ciir.renderer.backends.opengl import Context, Drawing
 from ciir.renderer.backends.projections import make_oblique_matrix, make_perspective_matrix
+from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.sampling import average_pictures, check_samples
 from ciir.renderer.scene import SOLID
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from ciir.renderer.displays.progress import Progress
     from ciir.renderer.lens_array import LensArray
     from ciir.renderer.scene import Scene
     from ciir.renderer.views import View
@@ -65,19 +67,28 @@ class RasterBackend(Backend):
         samples: int = 1,
         background: tuple[int, int, int] = BLACK,
         notes: set[str] | None = None,
+        progress: Progress = ignore_progress,
     ) -> NDArray[np.uint8]:
-        """See `Backend.render_eia`. Draws each view or each lens, whichever are fewer. A camera at a lens sees nothing
-        in front of the array, so views are drawn if the scene reaches there.
+        """See `Backend.render_eia`. Draws and counts views or lenses, whichever are fewer. A camera at a lens sees
+        nothing in front of the array, so views are drawn if the scene reaches there.
         """
         by_view = array.pixels_v * array.pixels_u <= array.rows * array.cols * samples**2
         if by_view or scene.bounds()[1, 2] >= 0:
-            return super().render_eia(scene, array, samples=samples, background=background, notes=notes)
+            return super().render_eia(
+                scene, array, samples=samples, background=background, notes=notes, progress=progress
+            )
         if scene.is_see_through and notes is not None:
             notes.add(NOT_BLENDED)
-        return self.render_by_lens(scene, array, samples=samples, background=background)
+        return self.render_by_lens(scene, array, samples=samples, background=background, progress=progress)
 
     def render_by_lens(
-        self, scene: Scene, array: LensArray, *, samples: int = 1, background: tuple[int, int, int] = BLACK
+        self,
+        scene: Scene,
+        array: LensArray,
+        *,
+        samples: int = 1,
+        background: tuple[int, int, int] = BLACK,
+        progress: Progress = ignore_progress,
     ) -> NDArray[np.uint8]:
         """Returns the elemental image array of a scene behind the array, drawn by one perspective projection for each
         sample of each lens, as virtual cameras do.
@@ -94,10 +105,11 @@ class RasterBackend(Backend):
         ]
         pictures = self._draw(scene, drawings, self._context.draw_color)
         eia = np.empty((array.rows * height, array.cols * width, 4), np.uint8)
-        for row, col in lenses:
+        for done, (row, col) in enumerate(lenses, 1):
             of_lens = [fill_background(picture, background) for picture in islice(pictures, samples**2)]
             image = average_pictures(np.stack(of_lens), axes=(0,))
             eia[row * height : (row + 1) * height, col * width : (col + 1) * width] = image
+            progress(done, len(lenses))
         return eia
 
     def _draw(

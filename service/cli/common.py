@@ -5,7 +5,8 @@ from __future__ import annotations
 import sys
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from threading import Event, Thread
+from typing import TYPE_CHECKING, Any
 
 from ciir.errors import InvalidOption
 from ciir.renderer.displays.progress import ignore_progress
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterable, Iterator, Sequence
 
+    from tqdm import tqdm
+
     from ciir.service.pipeline.options import KindName, Options
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.run import Progress
@@ -27,6 +30,12 @@ if TYPE_CHECKING:
     from ciir.service.settings import Settings
 
 _PREFIX = "option_"
+BAR_DELAY = 0.5
+"""Seconds after which a progress bar appears, so that short work shows none."""
+BAR_INTERVAL = 1.0
+"""Seconds after which the time on a progress bar is updated while nothing is finished."""
+BAR_WIDTH = 79
+"""Columns of a progress bar on a terminal that states no size, as under `script` in a pipe: tqdm would show nothing."""
 
 
 def parse_options(args: argparse.Namespace, kind: KindName = "reconstruction") -> Options:
@@ -101,22 +110,48 @@ def find_folders(
 
 @contextmanager
 def progress_bar(unit: str) -> Iterator[Progress]:
-    """Shows a progress bar with the time left, on a terminal only. Yields `progress(done, total)`, which moves it.
-
-    The bar appears after half a second, so short work shows nothing.
-    """
-    if not sys.stderr.isatty():
-        yield ignore_progress
-        return
-    from tqdm import tqdm
-
-    with tqdm(unit=unit, delay=0.5, leave=False, file=sys.stderr) as bar:
+    """Shows a progress bar with the time left, on a terminal only. Yields `progress(done, total)`, which moves it."""
+    with open_bar(unit=unit) as bar:
+        if bar.disable:
+            yield ignore_progress
+            return
 
         def progress(done: int, total: int) -> None:
             bar.total = total
             bar.update(done - bar.n)
 
         yield progress
+
+
+@contextmanager
+def open_bar(**settings: Any) -> Iterator[tqdm[Any]]:
+    """Opens a bar of tqdm on standard error, which is disabled if that is no terminal.
+
+    It appears after `BAR_DELAY`, also before anything is finished, so that reading a large input looks alive.
+    """
+    from tqdm import tqdm
+
+    with tqdm(**settings, delay=BAR_DELAY, leave=False, file=sys.stderr, disable=None) as bar:
+        if bar.disable:
+            yield bar
+            return
+        if bar.ncols is not None and bar.ncols < 1:
+            bar.ncols, bar.nrows = BAR_WIDTH, None
+        ended = Event()
+
+        def refresh() -> None:
+            wait = BAR_DELAY
+            while not ended.wait(wait):
+                bar.delay, wait = 0, BAR_INTERVAL  # shown from now on, so that closing the bar clears it
+                bar.refresh()
+
+        thread = Thread(target=refresh, name="progress", daemon=True)
+        thread.start()
+        try:
+            yield bar
+        finally:
+            ended.set()
+            thread.join()
 
 
 def print_line(text: str) -> None:

@@ -46,7 +46,7 @@ def write_picture(args: argparse.Namespace, options: Options, kind: Kind) -> Non
         picture, report = make_picture(
             source, options, kind, named=named, suffix=path.suffix.lower(), progress=progress
         )
-    data = encode(picture.pixels, path.suffix.lower(), ppi=picture.ppi)
+        data = encode(picture.pixels, path.suffix.lower(), ppi=picture.ppi)
     layout = picture.layout
     if layout is not None:
         path = _name_quilt(path, layout, report["notes"])

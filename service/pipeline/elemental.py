@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.layout import TEXT, write_text
 from ciir.renderer.writers.pictures import encode
@@ -19,6 +20,7 @@ from ciir.service.pipeline.stages.view_sources import MeshViews
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from ciir.renderer.displays.progress import Progress
     from ciir.renderer.readers.pictures import Pixels
     from ciir.service.pipeline.options import Options
 
@@ -29,12 +31,13 @@ def render_eia(
     keep: Callable[[Pixels], object],
     *,
     max_pixels: int | None = None,
+    progress: Progress = ignore_progress,
     clock: Clock | None = None,
 ) -> Report:
     """Passes a mesh's EIA, `(rows*pixels_v, cols*pixels_u, 3)` RGB, to `keep`, and returns its report.
 
-    `max_pixels`: most samples of the mesh. Raises the same errors as `reconstruct`, and `InvalidOption` if the input is
-    not a mesh.
+    `max_pixels`: most samples of the mesh. `progress` counts views, or lenses if these are fewer. Raises the same
+    errors as `reconstruct`, and `InvalidOption` if the input is not a mesh.
     """
     clock = clock or Clock()
     given = Input(source)
@@ -47,7 +50,7 @@ def render_eia(
     check_samples(points, array.pixels_v * array.pixels_u, max_pixels, "upscale")
     views = MeshViews(scene, job, Plan("upscale", NO_MODEL, 1, job.samples), clock)
     views.open()
-    pixels: Pixels = views.render_eia()
+    pixels: Pixels = views.render_eia(progress)
     if options.pickup == "optical":
         with clock.stage("map"):
             rows, cols = job.lenses

@@ -107,10 +107,10 @@ def _render_eia(source: Source, options: Options, output: Output) -> tuple[str, 
 
     def keep(pixels: Pixels) -> None:
         output.file.write(encode_eia(pixels, options, _SUFFIXES[name]))
-        output.progress(1, 1)
 
-    output.progress(0, 1)
-    return name, render_eia(source, options, keep, max_pixels=output.max_pixels, clock=output.clock)
+    return name, render_eia(
+        source, options, keep, max_pixels=output.max_pixels, progress=output.progress, clock=output.clock
+    )
 
 
 def _show(source: Source, options: Options, output: Output) -> tuple[str, Report]:

@@ -81,6 +81,8 @@ def upscale_files(
     with clock.stage("upscale"):
         upscaler = catalogue.load_upscaler(name_of_model, scale=scale)
     done: list[dict[str, Any]] = []
+    if progress is not None:
+        progress(0, len(outputs))
     statistics = SkipStatistics()
     profiles: dict[str, list[str]] = {}
     several: list[str] = []

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from ciir.renderer.displays.progress import Progress
     from ciir.renderer.lens_array import LensArray
     from ciir.renderer.light_field import LightField
     from ciir.renderer.readers.pictures import Pixels
@@ -98,8 +99,8 @@ class MeshViews:
         with self._clock.stage("render"):
             return [np.ascontiguousarray(picture) for picture in islice(pictures, count)]
 
-    def render_eia(self) -> NDArray[np.uint8]:
-        """Renders the elemental image array, `(rows*pixels_v, cols*pixels_u, 3)`."""
+    def render_eia(self, progress: Progress) -> NDArray[np.uint8]:
+        """Renders the elemental image array, `(rows*pixels_v, cols*pixels_u, 3)`. See `Backend.render_eia`."""
         with self._clock.stage("render"):
             eia = self._backend.render_eia(
                 self._placed,
@@ -107,6 +108,7 @@ class MeshViews:
                 samples=self._plan.samples,
                 background=self._job.background,
                 notes=self._notes,
+                progress=progress,
             )
             return np.ascontiguousarray(self._drop_alpha(eia))
 

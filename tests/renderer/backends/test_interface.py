@@ -116,7 +116,9 @@ def test_the_eia_holds_the_views_exactly(name):
     made = require_backend(name)
     placed = place_scene("hamburger")
     array = LensArray(20, 30, 5, 3)
-    eia = made.render_eia(placed, array, samples=2)
+    counts = []
+    eia = made.render_eia(placed, array, samples=2, progress=lambda *count: counts.append(count))
+    assert counts == [(done, 15) for done in range(1, 16)]
     every = [(v, u) for v in range(5) for u in range(3)]
     for (v, u), view in zip(every, made.render_views(placed, array, every, samples=2), strict=True):
         np.testing.assert_array_equal(eia[v::5, u::3], view)

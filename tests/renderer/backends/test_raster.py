@@ -56,7 +56,9 @@ def test_a_process_that_drew_ends_silently():
 def test_by_lens_is_by_view(samples):
     raster, placed = require_backend("raster"), place_scene("globe")
     few_lenses = LensArray(4, 6, 20, 30, pitch=10.0, delta=0.02)
-    by_lens = raster.render_eia(placed, few_lenses, samples=samples)
+    counts = []
+    by_lens = raster.render_eia(placed, few_lenses, samples=samples, progress=lambda *count: counts.append(count))
+    assert counts == [(done, 24) for done in range(1, 25)]
     every = [(v, u) for v in range(20) for u in range(30)]
     by_view = np.empty_like(by_lens)
     for (v, u), view in zip(every, raster.render_views(placed, few_lenses, every, samples=samples), strict=True):

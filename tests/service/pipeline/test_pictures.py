@@ -16,8 +16,16 @@ from tests.support.inputs import EIA, make_picture, make_profile
 
 
 def run(files, model="bicubic", scale=2):
-    written = {}
-    report = upscale_files(files, output_names(list(files)), written.__setitem__, model=model, scale=scale)
+    written, counts = {}, []
+    report = upscale_files(
+        files,
+        output_names(list(files)),
+        written.__setitem__,
+        model=model,
+        scale=scale,
+        progress=lambda *count: counts.append(count),
+    )
+    assert counts == [(done, len(files)) for done in range(len(files) + 1)]
     return written, report
 
 

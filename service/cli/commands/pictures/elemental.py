@@ -30,12 +30,12 @@ def run(args: argparse.Namespace) -> None:
         raise InvalidOption(f"{args.out or '-o'}: not a picture's name; end it with one of {listed}{other}")
     output_path.check_places(args)
     options, source = common.parse_options(args), open_source(args.input)
-    with replacing(path) as file:
+    with replacing(path) as file, common.progress_bar("view") as progress:
 
         def keep(pixels: Pixels) -> None:
             file.write(encode_eia(pixels, options, suffix))
 
-        report = render_eia(source, options, keep)
+        report = render_eia(source, options, keep, progress=progress)
     common.write_report(report, args.report)
     array = report["lens_array"]
     width, height = array["cols"] * array["pixels_u"], array["rows"] * array["pixels_v"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption, UnsupportedType
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.bundle import Bundle
     from ciir.service.pipeline.report import Report
 
+_PICTURES = "PNG, TIFF, JPEG, WebP, PPM, PGM or BMP files"
 _TAKEN = (
     ", ".join([suffix for suffix in READ_SUFFIXES if is_picture(f"x{suffix}")] + [".zip"])
     + ", or a folder of such pictures"
@@ -41,10 +42,14 @@ def run(args: argparse.Namespace) -> None:
         output_path.resolve_folder(args.out, what="several pictures")
         names = [name for name in bundle.files if is_picture(name) and "/" not in name]
         others = [name for name in bundle.files if name not in names]
+        below = [name for name in others if is_picture(name)]
         if not names:
-            raise InvalidOption(f"{args.input}: no picture in it; give PNG, TIFF, JPEG, WebP, PPM, PGM or BMP files")
+            remedy = f"a folder below it, such as {PurePosixPath(below[0]).parent}" if below else _PICTURES
+            raise InvalidOption(f"{args.input}: no picture in it; give {remedy}")
         report = _folder(upscale, output_names(names), path)
-        report["notes"] += [f"not a picture in this folder, skipped: {name}" for name in others]
+        report["notes"] += [
+            f"{'in a subfolder' if name in below else 'not a picture'}, skipped: {name}" for name in others
+        ]
     elif output_path.names_file(args.out, SUFFIXES, what="a picture"):
         report = _single(upscale, bundle.main, path)
     else:
@@ -71,12 +76,12 @@ def _bundle(text: str) -> Bundle:
 
 
 def _single(upscale: Callable[..., Report], name: str, path: Path) -> Report:
-    with replacing(path) as file:
+    with replacing(path) as file, common.progress_bar("picture") as progress:
 
         def write(_: str, data: bytes) -> None:
             file.write(data)
 
-        return upscale({name: path.name}, write)
+        return upscale({name: path.name}, write, progress=progress)
 
 
 def _folder(upscale: Callable[..., Report], outputs: Mapping[str, str], path: Path) -> Report:

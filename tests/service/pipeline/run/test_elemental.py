@@ -13,9 +13,10 @@ from tests.support.pipeline import SMALL, eia_bundle, run
 
 
 def test_elemental_then_mapping_equals_rendering(cube):
-    kept = []
-    report = render_eia(cube, Options(**SMALL), kept.append)
+    kept, counts = [], []
+    report = render_eia(cube, Options(**SMALL), kept.append, progress=lambda *count: counts.append(count))
     (eia,) = kept
+    assert counts == [(done, 15) for done in range(1, 16)]
     assert eia.shape == (36, 50, 3)
     mapped, _ = run(eia_bundle(eia), lenses=(12, 10), views="all", model="none")
     rendered, whole = run(cube, views="all", model="none", **SMALL)

@@ -28,13 +28,18 @@ def test_upscale_a_folder(tmp_path, capsys):
     source.mkdir()
     (source / "a.png").write_bytes(encode(make_picture(5, 6), ".png"))
     (source / "b.jpg").write_bytes(encode(make_picture(4, 4), ".jpg"))
+    (source / "below").mkdir()
+    (source / "below" / "c.png").write_bytes(encode(make_picture(4, 4), ".png"))
     (source / "notes.txt").write_text("hello")
     argv = ["upscale", str(source), "-o", str(out), "--model", "nearest", "--report", str(tmp_path / "r.json")]
     assert main(argv) == 0
     assert sorted(path.name for path in out.iterdir()) == ["a.png", "b.png"]
-    (note,) = json.loads((tmp_path / "r.json").read_text())["notes"]
-    assert "notes.txt" in note
-    assert capsys.readouterr().err == f"ciir: note: {note}\n"
+    notes = json.loads((tmp_path / "r.json").read_text())["notes"]
+    assert notes == ["in a subfolder, skipped: below/c.png", "not a picture, skipped: notes.txt"]
+    assert capsys.readouterr().err == "".join(f"ciir: note: {note}\n" for note in notes)
+    (source / "a.png").rename(source / "below" / "a.png")
+    (source / "b.jpg").unlink()
+    assert "give a folder below it, such as below" in fails(capsys, "upscale", source, "-o", out)
 
 
 def test_upscale_leaves_nothing_where_one_picture_is_bad(tmp_path, capsys):
