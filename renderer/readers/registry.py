@@ -188,7 +188,9 @@ FORMATS: tuple[Format, ...] = (
     ),
     ContainerFormat(name="MKV", suffixes=(".mkv", ".webm"), signatures=(b"\x1aE\xdf\xa3",), reader="video:read"),
     ContainerFormat(name="GIF", suffixes=(".gif",), signatures=(b"GIF87a", b"GIF89a"), reader="video:read"),
-    MeshFormat(name="3MF", suffixes=(".3mf",), signatures=ZIP.signatures, reader="threemf:read"),  # a zip by content
+    MeshFormat(  # a zip by content
+        name="3MF", suffixes=(".3mf",), signatures=ZIP.signatures, reader="threemf:read", is_one_file=True
+    ),
 )
 """Every format that is read. If content fits several, the suffix decides, or else the order of this list."""
 
@@ -257,6 +259,17 @@ def is_picture(name: str) -> bool:
 def is_mesh(name: str) -> bool:
     """Checks whether `name` has the suffix of a mesh format."""
     return isinstance(SUFFIXES.get(PurePosixPath(name).suffix.lower()), MeshFormat)
+
+
+def has_texture_files(name: str) -> bool:
+    """Checks whether `name` has the suffix of a mesh format whose textures are usually files of their own."""
+    found = SUFFIXES.get(PurePosixPath(name).suffix.lower())
+    return isinstance(found, MeshFormat) and not found.is_one_file
+
+
+def may_be_texture(name: str) -> bool:
+    """Checks whether `name` has the suffix of a picture format that can hold a texture, unlike those of cameras."""
+    return is_picture(name) and SUFFIXES[PurePosixPath(name).suffix.lower()] not in (LYTRO, LYTRO_RAW)
 
 
 def is_container(name: str) -> bool:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ciir.errors import InputError, InvalidOption
 from ciir.renderer.readers.names import clean_text, is_hidden
-from ciir.renderer.readers.registry import SUFFIXES, VIDEOS, is_picture
+from ciir.renderer.readers.registry import SUFFIXES, VIDEOS, has_texture_files, is_picture, may_be_texture
 from ciir.renderer.readers.view_set.grid import find_grids
 from ciir.service.batch.places import open_filesystem, reach_store, resolve
 from ciir.service.batch.task import Task
@@ -33,14 +33,18 @@ class Found:
     source: str
     path: str
     is_folder: bool = False
+    is_texture: bool = False
+    """Whether it is a picture in a folder, next to or below a mesh whose textures are files."""
 
 
-def find_inputs(texts: Sequence[str], *, has_arrays: bool, sets: bool) -> list[Found]:
-    """Finds the inputs that `texts` name, in order, each once.
+def find_inputs(texts: Sequence[str], *, has_arrays: bool, sets: bool) -> tuple[list[Found], list[Found]]:
+    """Finds the inputs that `texts` name, in order, each once, and the pictures that are left out as textures.
 
     A file is an input. A folder, given or matched by a glob, stands for all files of supported types in it and below
     it; with `sets` it is one input, as for `ciir reconstruct`. A folder of pictures that fill a grid of views is also
-    one input, unless `has_arrays`, which means that the options give the lenses of elemental image arrays.
+    one input, unless `has_arrays`, which means that the options give the lenses of elemental image arrays. Other
+    pictures in a folder with a mesh whose textures are files, or below it, belong to the mesh, as for `ciir
+    reconstruct`: they are inputs only if they are given by name or matched by a glob.
 
     Raises `InvalidOption` if one of them names nothing.
     """
@@ -50,8 +54,11 @@ def find_inputs(texts: Sequence[str], *, has_arrays: bool, sets: bool) -> list[F
         if not new:
             raise InvalidOption(f"{text}: holds no input; give files of supported types")
         for each in new:
-            found.setdefault(resolve(each.source)[0], each)
-    return list(found.values())
+            place = resolve(each.source)[0]
+            if place not in found or found[place].is_texture:
+                found[place] = each
+    inputs = [each for each in found.values() if not each.is_texture]
+    return inputs, [each for each in found.values() if each.is_texture]
 
 
 def _find(text: str, has_arrays: bool, sets: bool) -> Iterator[Found]:
@@ -92,13 +99,16 @@ def _look_in(files: Any, folder: str, root: PurePosixPath, has_arrays: bool, set
         return
     paths = sorted(path for path in files.find(folder) if not is_hidden(str(PurePosixPath(path).relative_to(folder))))
     read = [path for path in paths if PurePosixPath(path).suffix.lower() in SUFFIXES]
+    of_meshes = {PurePosixPath(path).parent for path in read if has_texture_files(path)}
     for parent, group in groupby(read, lambda path: str(PurePosixPath(path).parent)):
         names = list(group)
         pictures = [PurePosixPath(path).name for path in names if is_picture(path)]
         if not has_arrays and len(pictures) == len(names) and _is_view_set(pictures):
             yield _describe(files, parent, root, is_folder=True)
         else:
-            yield from (_describe(files, path, root) for path in names)
+            is_beside = not of_meshes.isdisjoint((PurePosixPath(parent), *PurePosixPath(parent).parents))
+            for path in names:
+                yield _describe(files, path, root, is_texture=is_beside and may_be_texture(path))
 
 
 def _is_view_set(names: Sequence[str]) -> bool:
@@ -110,12 +120,24 @@ def _is_view_set(names: Sequence[str]) -> bool:
     return any(min(grid.shape) >= MINIMUM_SET for grid in grids)
 
 
-def _describe(files: Any, path: str, root: PurePosixPath, *, is_folder: bool = False) -> Found:
+def describe_textures(textures: Sequence[Found]) -> list[str]:
+    """Returns the note on pictures that were left out, if there are any, with a glob that includes some of them."""
+    if not textures:
+        return []
+    count, path = len(textures), PurePosixPath(textures[0].source)
+    what = "1 picture next to or below a mesh is" if count == 1 else f"{count} pictures next to or below meshes are"
+    pattern = f"{textures[0].source.removesuffix(path.name)}*{path.suffix}"
+    return [f"{what} left out as textures; to include them, give names or globs too, such as {clean_text(pattern)!r}"]
+
+
+def _describe(
+    files: Any, path: str, root: PurePosixPath, *, is_folder: bool = False, is_texture: bool = False
+) -> Found:
     relative = PurePosixPath(path).relative_to(root)
     if not relative.name:
         relative = PurePosixPath(PurePosixPath(path).name)
     is_local = files.protocol in ("file", ("file", "local"))
-    return Found(path if is_local else files.unstrip_protocol(path), str(relative), is_folder)
+    return Found(path if is_local else files.unstrip_protocol(path), str(relative), is_folder, is_texture)
 
 
 def make_tasks(found: Sequence[Found], pattern: str, *, is_file: bool, all_frames: bool) -> list[Task]:

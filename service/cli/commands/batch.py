@@ -49,10 +49,11 @@ def run(args: argparse.Namespace) -> None:
     from ciir.service.pipeline.source import make_layout
 
     has_arrays = options.lenses is not None or options.pixels is not None or options.known_grid is not None
-    found = inputs.find_inputs(args.inputs, has_arrays=has_arrays, sets=args.sets)
+    found, textures = inputs.find_inputs(args.inputs, has_arrays=has_arrays, sets=args.sets)
+    common.print_notes(inputs.describe_textures(textures))
     all_frames = make_layout(options).selects_frame and not hasattr(args, "option_frame")
     tasks = inputs.make_tasks(found, args.name, is_file=is_file, all_frames=all_frames)
-    place = _resolve_outputs(args.out, args.inputs, [each.source for each in found])
+    place = _resolve_outputs(args.out, args.inputs, [each.source for each in (*found, *textures)])
     frames = {name: str(Path(path).resolve()) for name in ("white", "dark") if (path := getattr(args, name))}
     request = Request(options, place, uuid.uuid4().hex, **frames)
     outputs, summary, batch = Outputs(place), Summary(tasks), Batch(request)
@@ -111,10 +112,8 @@ def _showing(total: int) -> Iterator[Report]:
 
     Errors are shown at once.
     """
-    from tqdm import tqdm
-
     shown = time.monotonic()
-    with tqdm(total=total, unit="task", leave=False, file=sys.stderr, smoothing=0.05, disable=None) as bar:
+    with common.open_bar(total=total, unit="task", smoothing=0.05) as bar:
         begun, done = shown, 0
 
         def show(task: Task, outcome: Outcome | None, added: int) -> None:
@@ -122,7 +121,7 @@ def _showing(total: int) -> Iterator[Report]:
             done, total = done + 1, total + added
             if outcome is not None and outcome.status == "failed":
                 what = _name_once(task.source, outcome.error)
-                tqdm.write(f"ciir: {format_message(what, [task.source])}", file=sys.stderr)
+                bar.write(f"ciir: {format_message(what, [task.source])}", file=sys.stderr)
             bar.total = total
             bar.update()
             now = time.monotonic()

@@ -7,7 +7,8 @@ import pytest
 pytest.importorskip("fsspec")
 
 from ciir.errors import InvalidOption
-from ciir.service.batch.inputs import Found, find_inputs, make_tasks
+from ciir.service.batch.inputs import Found, describe_textures, find_inputs, make_tasks
+from ciir.service.cli.main import main
 
 
 @pytest.fixture
@@ -20,7 +21,26 @@ def folder(tmp_path):
 
 
 def find(*texts, has_arrays=True, sets=False):
-    return find_inputs([str(text) for text in texts], has_arrays=has_arrays, sets=sets)
+    return find_inputs([str(text) for text in texts], has_arrays=has_arrays, sets=sets)[0]
+
+
+def find_textures(*texts, has_arrays=True):
+    return find_inputs([str(text) for text in texts], has_arrays=has_arrays, sets=False)[1]
+
+
+@pytest.fixture
+def meshes(tmp_path):
+    """A folder of downloads: each mesh with its textures as sites pack them, and captures in a folder of their own."""
+    names = [
+        *("fuze/fuze.obj", "fuze/fuze.obj.mtl", "fuze/fuze.jpg", "fuze/fuze uv.jpg"),
+        *("lamp/scene.gltf", "lamp/scene.bin", "lamp/textures/a.png", "lamp/textures/deep/b.TIF"),
+        *("house/house.dae", "house/house/wall.jpg", "duck.glb", "captures/duck.png", "captures/b.jpg"),
+    ]
+    for name in names:
+        path = tmp_path / "in" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    return tmp_path / "in"
 
 
 def name_outputs(found, pattern="{path}", *, all_frames=False):
@@ -33,6 +53,52 @@ def test_a_folder_stands_for_the_files_that_are_read_below_it(folder):
     assert found[0].source == str(folder / "a.png")
     assert name_outputs(found) == ["a", "b", "below/a", "film"]
     assert name_outputs(found, all_frames=True) == ["a", "b", "below/a", "film.mp4"]
+
+
+def test_textures_of_meshes_are_no_inputs(meshes):
+    captures = ["captures/b", "captures/duck"]
+    found = [*captures, "duck", "fuze/fuze", "house/house", "lamp/scene"]
+    assert name_outputs(find(meshes)) == found
+    textures = find_textures(meshes)
+    left_out = ["fuze/fuze uv.jpg", "fuze/fuze.jpg", "house/house/wall.jpg"]
+    assert [each.path for each in textures] == [*left_out, "lamp/textures/a.png", "lamp/textures/deep/b.TIF"]
+    (note,) = describe_textures(textures)
+    assert note.startswith("5 pictures next to or below meshes are left out as textures; ")
+    given = note.rpartition(" ")[2].strip("'")
+    assert len(find(meshes, given)) == len(found) + 2  # what the note advises
+    others = [meshes / "house" / "house", meshes / "lamp" / "textures"]
+    assert describe_textures(find_textures(meshes, given, *others)) == []
+
+
+def test_captures_next_to_meshes_that_hold_their_textures_are_inputs(meshes):
+    for name in ("eia.png", "a.lfr", "b.ply", "c.stl", "d.3mf", "fuze/raw.lfr", "fuze/film.mp4"):
+        (meshes / name).touch()
+    assert {"eia", "a", "captures/duck", "fuze/raw", "fuze/film"} <= set(name_outputs(find(meshes)))
+
+
+def test_pictures_that_are_given_are_inputs(meshes):
+    texture = meshes / "fuze" / "fuze.jpg"
+    for texts in ([texture], [meshes, texture], [texture, meshes], [meshes / "fuze" / "*.jpg"], [meshes / "*" / "*"]):
+        assert str(texture) in [each.source for each in find(*texts)]
+        assert str(texture) not in [each.source for each in find_textures(*texts)]
+    assert len(find_textures(meshes, texture)) == 4
+    (note,) = describe_textures(find_textures(meshes / "house"))
+    assert note.startswith("1 picture next to or below a mesh is left out as textures; ")
+
+
+def test_textures_are_noted_and_not_overwritten(meshes, capsys):
+    assert main(["batch", str(meshes / "*"), "-o", str(meshes / "lamp" / "textures")]) == 2
+    note, error = capsys.readouterr().err.splitlines()
+    assert note.startswith("ciir: note: 5 pictures next to or below meshes are left out as textures; ")
+    assert "the input" in error
+    assert "lamp/textures/a.png is there; give another folder" in error
+
+
+def test_a_set_of_views_below_a_mesh_is_an_input(meshes):
+    for v, u in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        (meshes / "lamp" / "views").mkdir(exist_ok=True)
+        (meshes / "lamp" / "views" / f"view_{v:02d}_{u:02d}.png").touch()
+    assert "lamp/views" in name_outputs(find(meshes, has_arrays=False))
 
 
 def test_globs_and_files(folder):
