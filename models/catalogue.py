@@ -201,6 +201,12 @@ def advise_export(name: str) -> str:
     return f"; to add your own network, run `ciir export {stem}.onnx -o DIR` with a folder for {MODEL_FOLDER}"
 
 
+def advise_repeating(model: Entry, scale: int) -> str:
+    """Returns advice to upscale several times, if `model` reaches `scale` in that way."""
+    again = {4: "again", 8: "twice more"}
+    return f" and upscale the result {again[scale]}" if 2 in model.scales and scale in again else ""
+
+
 def _find_entry(name: str, scale: int, *, is_light_field: bool) -> Entry:
     """Returns the model `name`, of either kind. Raises `UnknownModel`, which lists the wanted kind's models, or
     `UnsupportedScale`.
@@ -211,6 +217,6 @@ def _find_entry(name: str, scale: int, *, is_light_field: bool) -> Entry:
         raise UnknownModel(f"model: no {name!r} here; give one of {', '.join(known)}{advise_export(name)}")
     if scale not in entries[name].scales:
         scales = ", ".join(map(str, entries[name].scales))
-        remedy = "give that, or model bicubic" if scale > 1 else "give that"
+        remedy = f"give that{advise_repeating(entries[name], scale)}, or model bicubic" if scale > 1 else "give that"
         raise UnsupportedScale(f"scale: {name} upscales by {scales}, not {scale}; {remedy}")
     return entries[name]

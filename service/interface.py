@@ -175,7 +175,7 @@ def render(
     delta: float | None = None,
     parallax: float | None = None,
     up: Up = "y",
-    rotate: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    rotate: float | tuple[float, float, float] = (0.0, 0.0, 0.0),
     zoom: float = 1.0,
     place: float | None = None,
     fit: Fit = "views",

@@ -56,9 +56,10 @@ class WholeWriter(Writer):
             contents.refuse_times(self.name)
         rows, columns = contents.grid
         if len(contents.views) != rows * columns:
+            turn = ", or rotate 0:360:60 for a turntable" if contents.is_mesh and self.holds_times else ""
             raise InvalidOption(
                 f"format: {self.name} needs all views, and {len(contents.views)} of {rows}x{columns} are asked "
-                "for; give views all"
+                f"for; give views all{turn}"
             )
         self.check(contents)
         shape = (rows, columns, contents.height, contents.width, contents.channels)

@@ -47,6 +47,8 @@ class Contents:
     """Pixels for each pixel of the views that were read, along each side."""
     pixel_aspect: float = 1.0
     """See `LightField.pixel_aspect`."""
+    is_mesh: bool = False
+    """Whether the views are rendered, so that several times or yaws may be meant."""
 
     def name_file(self, view: View) -> str:
         """Returns `view_VV_UU.png`, or `frame_NNNN.png` for several times or yaws."""

@@ -286,4 +286,5 @@ def _describe_contents(job: Job, plan: Plan, sample: Pixels) -> Contents:
         depth_sense=job.depth_sense,
         scale=plan.scale,
         pixel_aspect=job.pixel_aspect,
+        is_mesh=job.mesh is not None,
     )

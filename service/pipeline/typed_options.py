@@ -43,7 +43,7 @@ class ReconstructionOptions(TypedDict, total=False):
     fusion: Fusion
     skip: bool
     up: Up
-    rotate: tuple[float, float, float] | str
+    rotate: float | tuple[float, float, float] | str
     zoom: float
     place: float | None
     fit: Fit

@@ -19,7 +19,7 @@ from ciir.service.pipeline.options.lenslet import LENSLET
 from ciir.service.pipeline.options.mesh import MESH
 from ciir.service.pipeline.options.options import OPTIONS, RECONSTRUCTION, Options, describe
 from ciir.service.pipeline.options.reading import READING
-from ciir.service.pipeline.options.upscaling import AUTO, NO_MODEL
+from ciir.service.pipeline.options.upscaling import AUTO, NO_MODEL, OTHER_SCALES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -192,7 +192,7 @@ KINDS: dict[KindName, Kind] = {
             {
                 "model": f"a single-picture model (default {catalogue.DEFAULT}, or its int8 twin if the "
                 "processor supports it)",
-                "scale": "output pixels for each input pixel along a side, 1 to 8 (default 2)",
+                "scale": "output pixels for each input pixel along a side, 1 to 8 (default 2); " + OTHER_SCALES,
                 "skip": "exact: skip pixels that can't change the result; none: compute everything (default exact)",
             },
         ),

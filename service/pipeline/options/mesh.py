@@ -28,8 +28,8 @@ MESH = {
     "rotate": Option(
         "YAW,PITCH,ROLL",
         "turn a mesh by these angles in degrees, one after the other: yaw turns its front to the right, pitch its top "
-        "towards the array, roll its top to the left (default 0,0,0); several yaws, given as START:STOP:COUNT, make a "
-        "video of one view: 0:360:60 is a full turn",
+        "towards the array, roll its top to the left (default 0,0,0; 30 alone is a yaw); several yaws, given as "
+        "START:STOP:COUNT, make a video of one view: 0:360:60 is a full turn",
         ROTATION,
         "30,20,0",
     ),
@@ -74,7 +74,10 @@ MESH = {
         "lenslet",
     ),
     "background": Option(
-        "RRGGBB", "colour behind a mesh; #fff, white and black work too (default 000000)", values.COLOUR, "ffffff"
+        "RRGGBB",
+        "colour behind a mesh: 00ff00, #0f0, or a name such as lime (default 000000); none is transparent",
+        values.COLOUR,
+        "ffffff",
     ),
     "time": Option(
         "SECONDS",

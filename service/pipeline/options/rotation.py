@@ -42,9 +42,9 @@ def _parse(name: str, text: str) -> Rotation:
 
 
 def _convert(value: Any) -> Rotation:
-    yaw, pitch, roll = value
+    yaw, pitch, roll = value if hasattr(value, "__iter__") else (value, 0, 0)
     if not hasattr(yaw, "__iter__"):
-        angles: Rotation = _ANGLES.convert(value)
+        angles: Rotation = _ANGLES.convert((yaw, pitch, roll))
         return angles
     start, stop, count = map(check_number, yaw)
     if not 1 <= index(count) <= MOST_FRAMES:
@@ -60,10 +60,10 @@ def _write(rotation: Rotation) -> str:
 
 
 ROTATION = make_form(
-    f"({ANGLE}|{_YAWS}),{ANGLE},{ANGLE}|{_YAWS}",
-    form="YAW,PITCH,ROLL in degrees, such as 30,-20,0, or several yaws as START:STOP:COUNT, such as 0:360:60",
+    f"({ANGLE}|{_YAWS})(,{ANGLE},{ANGLE})?",
+    form="YAW,PITCH,ROLL in degrees, such as 30,-20,0 or 30, or several yaws as START:STOP:COUNT, such as 0:360:60",
     parse=_parse,
     convert=_convert,
-    needed="YAW,PITCH,ROLL in degrees, such as (30, -20, 0), each below 1000, or several yaws such as '0:360:60'",
+    needed="YAW,PITCH,ROLL in degrees, such as (30, -20, 0) or 30, each below 1000, or several yaws such as '0:360:60'",
     write=_write,
 )

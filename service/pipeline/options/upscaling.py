@@ -23,6 +23,10 @@ AUTO_MODEL = (
 )
 """The rule of `auto` in words. `service.pipeline.planning.model_selection` applies it."""
 MAX_SCALE = 8
+OTHER_SCALES = (
+    "the shipped networks upscale by 2 only: for 4, upscale the result again, and for others give model bicubic"
+)
+"""What to do for a scale that the networks don't have, in words."""
 
 UPSCALING = {
     "views": Option(
@@ -38,7 +42,10 @@ UPSCALING = {
         "auto",
     ),
     "scale": Option(
-        "S", "output pixels for each view pixel along a side, 1 to 8 (default 2)", make_integer(1, MAX_SCALE), "2"
+        "S",
+        f"output pixels for each view pixel along a side, 1 to {MAX_SCALE} (default 2); {OTHER_SCALES}",
+        make_integer(1, MAX_SCALE),
+        "2",
     ),
     "strategy": Option(
         "NAME",

@@ -25,8 +25,13 @@ ANGLE = r"-?[0-9]{1,3}(\.[0-9]{1,6})?"
 MOST_FRAMES = 3600
 """The largest number of times, or of yaws, that can be given."""
 _SECONDS = r"[0-9]{1,6}(\.[0-9]{1,9})?"
-_COLOUR = "#?([0-9a-fA-F]{3}){1,2}|white|black"
-_NAMED_COLOURS = {"white": "fff", "black": "000"}
+_NAMED_COLOURS = {
+    "aqua": "0ff", "black": "000", "blue": "00f", "fuchsia": "f0f", "gray": "808080", "green": "008000", "lime": "0f0",
+    "maroon": "800000", "navy": "000080", "olive": "808000", "purple": "800080", "red": "f00", "silver": "c0c0c0",
+    "teal": "008080", "white": "fff", "yellow": "ff0",
+}  # fmt: skip
+"""The basic colours of CSS (CSS Color Module Level 4, 6.1)."""
+_COLOUR = f"#?([0-9a-fA-F]{{3}}){{1,2}}|{'|'.join(_NAMED_COLOURS)}"
 _LONGEST_LABEL = 200
 """Most characters allowed in a name from a file."""
 
@@ -111,7 +116,8 @@ def _read_colour(name: str, text: str) -> tuple[int, int, int]:
     bare = text.strip().lower()
     if re.fullmatch(_COLOUR, bare) is None:
         raise InvalidOption(
-            f"{name}: {text[:40]!r} is not a colour; give RRGGBB in hexadecimal, such as ffffff, or white or black"
+            f"{name}: {text[:40]!r} is not an opaque colour; give RRGGBB in hexadecimal, such as 00ff00, or a name, "
+            "such as lime (nothing is transparent: give a colour that can be keyed out)"
         )
     digits = _NAMED_COLOURS.get(bare, bare.removeprefix("#"))
     red, green, blue = bytes.fromhex("".join(digit * 2 for digit in digits) if len(digits) == 3 else digits)

@@ -130,8 +130,8 @@ def _check_scale(job: Job, model: Entry) -> None:
         raise UnsupportedScale(f"{given}; give model none for views that are not upscaled")
     if job.mesh is not None:
         raise UnsupportedScale(f"{given}; give strategy direct, which renders the mesh that large, or model bicubic")
-    twice = ", upscale twice" if job.scale == 4 and 2 in model.scales else ""
-    raise UnsupportedScale(f"{given}; give a supported scale{twice}, or model bicubic")
+    again = catalogue.advise_repeating(model, job.scale)
+    raise UnsupportedScale(f"{given}; give a supported scale{again}, or model bicubic")
 
 
 def _select_strategy(job: Job) -> tuple[Strategy, str]:

@@ -1,5 +1,6 @@
 import io
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -35,6 +36,15 @@ def test_a_part_of_the_views_is_refused(name):
         pytest.raises(InvalidOption, match=f"{name} needs all views, and 1 of 3x3 .*; give views all"),
     ):
         writer.begin(contents(((1, 1),)))
+
+
+@pytest.mark.parametrize(
+    ("name", "is_mesh", "is_advised"), [("mp4", True, True), ("mp4", False, False), ("npy", True, False)]
+)
+def test_a_video_of_one_view_of_a_mesh_is_advised(name, is_mesh, is_advised):
+    with FileWriter(io.BytesIO(), name) as writer, pytest.raises(InvalidOption) as refused:
+        writer.begin(replace(contents(((1, 1),)), is_mesh=is_mesh))
+    assert str(refused.value).endswith("give views all, or rotate 0:360:60 for a turntable") == is_advised
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from PIL import ImageColor
 
 from ciir.errors import InvalidOption
 from ciir.renderer.focus import occluders, planes
@@ -64,12 +65,12 @@ def test_parses_every_option():
     [
         ("lenses", "50"), ("lenses", "0x5"), ("lenses", "-1x5"), ("lenses", "5x5x5"), ("pixels", "axb"),
         ("scale", "2.5"), ("scale", "0"), ("scale", "9"), ("scale", ""), ("strategy", "fast"), ("backend", "gpu"),
-        ("sampling", "x"), ("pickup", "x"), ("background", "red"), ("background", "ffff"), ("pitch", "wide"),
+        ("sampling", "x"), ("pickup", "x"), ("background", "crimson"), ("background", "ffff"), ("pitch", "wide"),
         ("pitch", "0"), ("pitch", "-1"), ("pitch", "nan"), ("delta", "inf"), ("delta", "1e10"), ("depth", "far"),
         ("skip", "all"), ("order", "diagonal"), ("flip", "x"), ("transpose", "maybe"),
         ("crop", "1,2,3"), ("crop", "1,2,3,-4"), ("arrangement", "quilt"),
         ("neighbour_time", "-1"), ("neighbour_time", "nan"),
-        ("neighbour_time", "soon"), ("neighbour_time", "inf"), ("up", "x"), ("rotate", "30"), ("rotate", "1,2,3,4"),
+        ("neighbour_time", "soon"), ("neighbour_time", "inf"), ("up", "x"), ("rotate", "30,20"), ("rotate", "1,2,3,4"),
         ("rotate", "1,2,up"), ("rotate", "1000,0,0"), ("light", "1,2,3"), ("light", "nan,0"), ("light", "400,0"),
         ("light", "0,91"), ("zoom", "0"), ("zoom", "1_5"),
         ("place", "-1.1"), ("place", "before"), ("parallax", "0"), ("parallax", "180"), ("parallax", "wide"),
@@ -121,7 +122,7 @@ def test_angles_are_written_as_they_are_read(angles):
     assert Options.parse(texts).rotate == Options.convert({"rotate": angles}).rotate == pytest.approx(angles, abs=1e-6)
 
 
-@pytest.mark.parametrize("value", [(1, 2), "1,2", (1, 2, None), (1, 2, float("nan")), (1, 2, 1000), 5])
+@pytest.mark.parametrize("value", [(1, 2), "1,2", (1, 2, None), (1, 2, float("nan")), (1, 2, 1000), 1000])
 def test_other_angles_are_refused(value):
     with pytest.raises(InvalidOption, match="YAW,PITCH,ROLL"):
         Options.convert({"rotate": value})
@@ -207,6 +208,18 @@ def test_colours(text, colour):
     assert re.fullmatch(describe("background")["pattern"], text.strip().lower())
 
 
+def test_names_of_colours_are_those_of_css():
+    names = "black silver gray white maroon red purple fuchsia green lime olive yellow navy blue teal aqua"
+    for name in names.split():
+        assert Options.parse({"background": name}).background == ImageColor.getrgb(name)
+
+
+@pytest.mark.parametrize("text", ["transparent", "ff000080", "rgba(0,0,0,0)"])
+def test_no_background_is_transparent(text):
+    with pytest.raises(InvalidOption, match="nothing is transparent: give a colour that can be keyed out"):
+        Options.parse({"background": text})
+
+
 @pytest.mark.parametrize(
     ("text", "written", "yaws"),
     [
@@ -216,6 +229,7 @@ def test_colours(text, colour):
         ("5:5:2", "5:5:2,0,0", (5, 5)),
         ("0:360:1", "0:360:1,0,0", (0,)),
         ("7,8,9", "7,8,9", (7,)),
+        (" -90 ", "-90,0,0", (-90,)),
     ],
 )
 def test_several_yaws_are_written_as_they_are_read(text, written, yaws):
@@ -223,6 +237,10 @@ def test_several_yaws_are_written_as_they_are_read(text, written, yaws):
     assert list_yaws(rotate) == yaws
     assert write_texts({"rotate": rotate}) == {"rotate": written}
     assert Options.parse({"rotate": written}) == Options.convert({"rotate": list(rotate)})
+
+
+def test_a_yaw_alone():
+    assert Options.convert({"rotate": 90}) == Options.convert({"rotate": (90, 0, 0)})
 
 
 @pytest.mark.parametrize(

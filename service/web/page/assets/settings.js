@@ -9,7 +9,11 @@ import { MODELS, SENTENCES, TEXTS } from "./texts.js";
 /** Options that say where the lenses of a picture are. */
 export const LENSES = ["lenses", "pixels", "lens_pitch", "lens_offset", "lens_rotation", "lens_grid", "arrangement"];
 const ANGLES = ["yaw", "tilt", "roll"];
-const NAMED_COLOURS = /** @type {Record<string, string>} */ ({ white: "ffffff", black: "000000" });
+/** The names that the server accepts: the basic colours of CSS. */
+const NAMED_COLOURS = /** @type {Record<string, string>} */ ({
+  ...{ aqua: "0ff", black: "000", blue: "00f", fuchsia: "f0f", gray: "808080", green: "008000", lime: "0f0", maroon: "800000" },
+  ...{ navy: "000080", olive: "808000", purple: "800080", red: "f00", silver: "c0c0c0", teal: "008080", white: "fff", yellow: "ff0" },
+});
 const form = find("settings", HTMLFormElement);
 /** @type {Map<string, number[]>} Scales of the networks, and of interpolations. */
 const scales = new Map([["auto", [2]]]);

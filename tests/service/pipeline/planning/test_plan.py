@@ -37,7 +37,7 @@ def test_direct_averages_over_cells_and_needs_no_model():
         (
             pictures,
             {"scale": 4},
-            "quality upscales by 2, not 4; give a supported scale, upscale twice, or model bicubic",
+            "quality upscales by 2, not 4; give .* and upscale the result again, or model bicubic",
         ),
         (pictures, {"scale": 3, "model": "quality"}, "quality upscales by 2, not 3; give a supported scale, or"),
         (mesh, {"scale": 1}, "fast upscales by 2, not 1; give model none"),

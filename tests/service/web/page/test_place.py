@@ -192,19 +192,21 @@ def test_a_background_is_chosen_and_shown_by_the_preview_too(page):
     page.wait_for_url(lambda url: "background" not in url)
 
 
-@pytest.mark.parametrize("text", ["white", "%23fff", "FFF"])
-def test_a_background_as_the_server_takes_it_is_shown_and_changed(page, text):
+@pytest.mark.parametrize(
+    ("text", "colour"), [("teal", "#008080"), ("white", "#ffffff"), ("%23fff", "#ffffff"), ("FFF", "#ffffff")]
+)
+def test_a_background_as_the_server_takes_it_is_shown_and_changed(page, text, colour):
     open_mesh(page, "glb", f"background={text}")
     field = page.locator("#settings [name=background]")
-    expect(field).to_have_value("#ffffff")
+    expect(field).to_have_value(colour)
     field.fill("#000000")
     page.wait_for_url(lambda url: "background" not in url)
 
 
 def test_a_background_that_is_none_is_refused(page):
     page.expected = ["422"]
-    go_to(page, "#scene=vase&lenses=20x30&pixels=3x3&background=red")
-    expect(page.get_by_role("alert")).to_contain_text("background: 'red'")
+    go_to(page, "#scene=vase&lenses=20x30&pixels=3x3&background=crimson")
+    expect(page.get_by_role("alert")).to_contain_text("background: 'crimson'")
 
 
 def test_a_mesh_turns_under_the_mouse_before_it_is_rendered(page):
