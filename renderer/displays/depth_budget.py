@@ -103,13 +103,8 @@ class DepthBudget:
 
 
 def measure_integral(scene: Scene, display: IntegralDisplay) -> DepthBudget:
-    """Returns the budget of a scene in the coordinates of an integral display, millimetres.
-
-    The lines of neighbouring pixels under a lens diverge by `tangent_step` for each millimetre of depth. Up to the
-    depth `lens_pitch / tangent_step` they are closer together than the lenses, which then limit the detail; beyond it
-    the lines do (the bandwidth of a light-field display, Zwicker et al., EGSR 2006).
-    """
-    return _measure(scene, display.lens_pitch / display.tangent_step, frame_integral(display), "mm")
+    """Returns the budget of a scene in the coordinates of an integral display, millimetres."""
+    return _measure(scene, display.sharp, frame_integral(display), "mm")
 
 
 def frame_integral(display: IntegralDisplay) -> Frame:
@@ -130,18 +125,31 @@ def describe_light_field(
     """
     size_v, size_u, height, width, _ = cameras.shape
     _, scale = display.fit_views((height, width), pixel_aspect)
-    moved = display.lens_pitch / display.tangent_step * 2 * display.tangent_range / max(size_v, size_u) / scale
+    moved = display.sharp * 2 * display.tangent_range / max(size_v, size_u) / scale
     flat = ("one row of views has no vertical parallax: all heights see the same",) if size_v == 1 else ()
     return (_describe_sharp(cameras, moved, disparity), *flat)
 
 
-def describe_directions(share: float, display: IntegralDisplay) -> tuple[str, ...]:
-    """Returns a note on the share of a panel's subpixels that look in directions beyond those of all views."""
+def describe_directions(share: float, counts: tuple[int, int], display: IntegralDisplay) -> tuple[str, ...]:
+    """Returns a note on the share of a panel's subpixels that look in directions beyond those of all views.
+
+    A lens sends its subpixels' light to different places in the viewing zone, so this is the mean share of lenses that
+    an eye there sees. `counts`: rows and columns of views.
+    """
     if share < 0.01:
         return ()
-    remedy = "leave viewer.distance out, or render" if math.isfinite(display.distance) else "render"
-    what = "look in directions that no view shows, and get the outermost view"
-    return (f"panel: {_percent(share)} of its subpixels {what}; {remedy} the mesh itself",)
+    seen, better = "", ["the mesh itself"]
+    if math.isfinite(display.distance):
+        inside = 1.0  # of the lenses, seen from the middle
+        for count, side in zip(counts, reversed(display.size), strict=True):
+            if count > 1:
+                inside *= min(1.0, 2 * display.tangent_range * count / max(counts) * display.distance / side)
+        seen = f", {_percent(1 - inside)} seen from the middle"
+        better.append("a viewer farther away")
+    if min(counts) > 1 and counts[0] != counts[1]:
+        better.append("as many rows of views as columns")
+    what = f"{_percent(share)} of the lenses (mean over the viewing zone{seen}) show the outermost view"
+    return (f"panel: {what}, because no view covers the direction to the eye; better: {', '.join(better)}",)
 
 
 def describe_native(
@@ -230,12 +238,9 @@ def measure_quilt(scene: Scene, screen: Screen, views: int, pixels: int) -> Dept
 def measure_lenticular(scene: Scene, screen: Screen, calibration: Calibration) -> DepthBudget:
     """Returns the budget of a scene in a native picture, in screen heights.
 
-    It is computed as in `measure_integral`: each lens shows as many directions as there are subpixels under it, or
-    pixels if the display has no stripes.
+    Each lens shows as many directions as there are subpixels under it, or pixels if the display has no stripes.
     """
-    lens = screen.aspect / calibration.pitch
-    step = 2 * np.tan(np.radians(screen.cone) / 2) / calibration.directions
-    return _measure(scene, lens / float(step), frame_screen(screen), "screen heights")
+    return _measure(scene, calibration.sharp, frame_screen(screen), "screen heights")
 
 
 def frame_screen(screen: Screen, views: int = 2) -> Frame:

@@ -30,6 +30,11 @@ INCH = 25.4
 """Millimetres."""
 ROUNDING = 1e-3
 """Share of a lens that may be missing where a whole number of them fits: lengths are written with few digits."""
+ANGLES = 1.0, 90.0
+"""Degrees that a lens may show. A lens in air is at most twice as wide as its focal length (f/0.5, by the sine
+condition), which is 90; with less than 1, only viewers over 3.7 m away have both eyes in the viewing zone."""
+DEEP = 10.0
+"""Sharp depth, in sizes of the display, above which its numbers are doubtful."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +85,32 @@ class IntegralDisplay:
     def tangent_range(self) -> float:
         """Tangent from the axis to the edge of what a lens shows along x: the panel's angular limit."""
         return self.lens_pitch / (2 * self.gap)
+
+    @property
+    def angle(self) -> float:
+        """Degrees between the outermost directions that a lens shows along x."""
+        return 2 * math.degrees(math.atan(self.tangent_range))
+
+    @property
+    def sharp(self) -> float:
+        """Depth in front of and behind the lenses up to which detail is as fine as they are: there the lines of
+        neighbouring pixels under a lens are as far apart as the lenses (Zwicker et al., EGSR 2006)."""
+        return self.lens_pitch / self.tangent_step
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Where the viewing zone is, in which no eye sees the image of a neighbouring lens; and doubtful numbers."""
+        if math.isfinite(self.distance):
+            width = 2 * self.tangent_range * (self.gap + self.distance)
+            zone = f"at {self.distance:g} mm it is {width:.3g} mm wide"
+        else:
+            least = max(self.size) / (2 * self.tangent_range)
+            zone = f"without viewer.distance, it begins {least:.3g} mm from them and widens from there"
+        deep = f"viewing zone: check the units: detail would be sharp up to {self.sharp:.2g} mm from the lenses"
+        return (
+            f"viewing zone: lenses show {self.angle:.3g} degrees; {zone}",
+            *((deep,) if self.sharp > DEEP * max(self.size) else ()),
+        )
 
     def fit_views(self, size: tuple[int, int], pixel_aspect: float) -> tuple[float, float]:
         """Returns height and width of a pixel of views of `size`, height and width, that just fit into the panel."""
@@ -168,6 +199,17 @@ def parse_display(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pi
         raise InvalidOption(
             f"{name}: a lens of {display.lens_pitch:g} mm over pixels of {display.pixel_pitch:g} mm; a lens covers at "
             "least 2 pixels; check the units (millimetres)"
+        )
+    if display.lens_pitch > (1 + ROUNDING) * min(display.size):
+        panel_size = "{:g}x{:g}".format(*display.size)
+        raise InvalidOption(
+            f"{name}: a lens of {display.lens_pitch:g} mm is larger than the panel of {panel_size} mm; check the units "
+            "(millimetres)"
+        )
+    if not ANGLES[0] <= display.angle <= ANGLES[1]:
+        raise InvalidOption(
+            f"{name}: a lens of {display.lens_pitch:g} mm with a gap of {display.gap:g} mm shows {display.angle:.3g} "
+            f"degrees; lenses show {ANGLES[0]:g} to {ANGLES[1]:g}; check the units (millimetres)"
         )
     if display.distance < display.gap:
         raise InvalidOption(

@@ -9,20 +9,25 @@ With x and y from 0 to 1, x to the right and y upwards, subpixel i (0 to 2 from 
 
 and 1 - place with invView, as in Looking Glass' own shaders (HoloPlayCore, `HoloPlayShaders.h`). Place 0 is the
 leftmost camera, 1 the rightmost.
+
+A print has its own entry viewDistance, D inches. Its viewer sees the print's strips smaller than the lenses before
+them, so pitch.value becomes LPI D / (D + gap), gap = (1 / LPI) / 2 / tan(viewCone / 2), with the middle kept in phase.
 """
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
-from ciir.renderer.displays.integral import Stripes
+from ciir.renderer.displays.integral import DEEP, Stripes
 from ciir.renderer.displays.interpolation import weigh_neighbours
 from ciir.renderer.displays.progress import ignore_progress, run_parts
+from ciir.renderer.displays.screen import FIELD_OF_VIEW
 from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers.names import clean_text
 
@@ -33,8 +38,16 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.pictures import Pixels
 
 
+KEYS = (
+    *("screenW", "screenH", "DPI", "pitch", "slope", "center", "viewCone", "invView"),
+    *("flipImageX", "flipImageY", "flipSubp", "CellPatternMode", "subpixels", "viewDistance"),
+)
+"""Entries that are read; the others are ignored, such as a display's serial number."""
 PATTERN = "the display's subpixels form a pattern: they are treated as stripes of red, green and blue"
 INVERTED = "calibration: invView is 0: lenses on a print then show depth inverted; give invView 1 for a print"
+UNTESTED = (
+    "calibration: pitch counts as the result of a pitch test; if it is the lens sheet's, give viewDistance in inches"
+)
 
 
 @dataclass(frozen=True)
@@ -56,6 +69,8 @@ class Calibration:
     """subpixels, or else flipSubp: the colours of a pixel's thirds from the left; none: they lie at the same place."""
     cone: float = 40.0
     """viewCone: degrees between the outermost views."""
+    field_of_view: float = FIELD_OF_VIEW
+    """Degrees from the lower to the upper edge as the viewer at viewDistance sees them."""
     notes: tuple[str, ...] = ()
 
     @property
@@ -67,6 +82,12 @@ class Calibration:
     def aspect(self) -> float:
         """Width / height."""
         return self.width / self.height
+
+    @property
+    def sharp(self) -> float:
+        """Depth in front of and behind the screen, in its heights, up to which neighbouring directions are closer
+        together than the lenses, as in `IntegralDisplay.sharp`."""
+        return self.aspect / self.pitch * self.directions / (2 * math.tan(math.radians(self.cone) / 2))
 
     def content_positions(self, row: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Returns x and y, 0 to 1, in the views for the pixels of `row`, counted from the top: `(width,)` each."""
@@ -91,23 +112,30 @@ def parse_calibration(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMIT
     """Returns the calibration in a JSON file, `{"pitch": {"value": 49.9}, ...}` as displays store it, or with plain
     numbers.
 
-    It may also be the entry `calibration` of an object. An entry `"subpixels"`, which displays don't store, is `"rgb"`,
-    `"bgr"` or, for prints, `"none"`, and replaces `flipSubp`.
+    It may also be the entry `calibration` of an object, or a reply of Looking Glass Bridge about one display. Displays
+    don't store two of the entries: `"subpixels"` is `"rgb"`, `"bgr"` or, for prints, `"none"`, and replaces `flipSubp`;
+    `"viewDistance"` is the distance of a print's viewer in inches, for which `pitch`, the lens sheet's, is adapted.
 
-    A note advises prints against `invView` 0. Raises `Unreadable` if a number is missing or out of range, or lenses
-    cover fewer than 2 places for views, and `TooLarge` over `max_pixels`.
+    A note advises prints against `invView` 0. Raises `Unreadable` if a number is missing or out of range, if the case
+    of a key is wrong, if lenses cover fewer than 2 places for views or are wider than the screen, and `TooLarge` over
+    `max_pixels`.
     """
     try:
-        found = json.loads(data)
+        found = _unwrap(json.loads(data))
     except (ValueError, RecursionError) as error:
         remedy = "give the calibration that the display stores (visual.json)"
         if b"[panel]" in data:
             remedy = "this describes a panel under lenses; give it as the option display"
         raise Unreadable(f"{name}: not JSON; {remedy}") from error
-    if isinstance(found, dict) and isinstance(found.get("calibration"), dict):
-        found = found["calibration"]
-    if not isinstance(found, dict):
-        raise Unreadable(f"{name}: no calibration; give the JSON that the display stores (visual.json)")
+    if not isinstance(found, dict) or not any(key in found for key in KEYS):
+        raise Unreadable(
+            f"{name}: no calibration; give the JSON that the display stores (visual.json), the object that holds "
+            "pitch, slope, center, ..."
+        )
+    for key in KEYS:
+        wrong = next((other for other in found if other != key and other.lower() == key.lower()), None)
+        if wrong is not None:
+            raise Unreadable(f"{name}: {wrong} is not known; write {key}")
     width, height, dpi = (_read(found, key, name, (1, 1e5)) for key in ("screenW", "screenH", "DPI"))
     slope = _read(found, "slope", name, (-1e4, 1e4))
     pitch = _read(found, "pitch", name, (1e-3, 1e4))
@@ -121,26 +149,60 @@ def parse_calibration(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMIT
     pattern = _read(found, "CellPatternMode", name, (0, 100), 0.0)
     stripes = _read_stripes(found, name)
     is_inverted = _is_set(found, "invView", name)
+    cone = _read(found, "viewCone", name, (1, 120), 40.0)
+    lenses = pitch * width / dpi * float(np.cos(np.arctan(1 / slope)))
+    tilt = height / (width * slope) * (-1 if mirrored else 1)
+    notes = [*((PATTERN,) if pattern else ()), *((INVERTED,) if stripes == "none" and not is_inverted else ())]
+    center, seen, field_of_view = _read(found, "center", name, (-1e4, 1e4)), 1.0, FIELD_OF_VIEW
+    if "viewDistance" in found:
+        distance = _read(found, "viewDistance", name, (0.1, 1e5))
+        gap = 1 / pitch / 2 / math.tan(math.radians(cone) / 2)
+        seen = distance / (distance + gap)
+        field_of_view = 2 * math.degrees(math.atan(height / dpi / 2 / distance))
+        notes.append(f"calibration: seen from {distance:g} inches, the pitch of {pitch:g} becomes {pitch * seen:.6g}")
+    elif stripes == "none":
+        notes.append(UNTESTED)
     calibration = Calibration(
         width=int(width),
         height=int(height),
-        pitch=pitch * width / dpi * float(np.cos(np.arctan(1 / slope))),
-        tilt=height / (width * slope) * (-1 if mirrored else 1),
-        center=_read(found, "center", name, (-1e4, 1e4)),
+        pitch=lenses * seen,
+        tilt=tilt,
+        center=center - (1 + tilt) / 2 * lenses * (1 - seen),
         ppi=dpi,
         is_inverted=is_inverted,
         flips=(mirrored, _is_set(found, "flipImageY", name)),
         stripes=stripes,
-        cone=_read(found, "viewCone", name, (1, 120), 40.0),
-        notes=(*((PATTERN,) if pattern else ()), *((INVERTED,) if stripes == "none" and not is_inverted else ())),
+        cone=cone,
+        field_of_view=field_of_view,
     )
+    if calibration.pitch < 1:
+        raise Unreadable(
+            f"{name}: lenses across the screen: {calibration.pitch:.3g}, and at least 1 is needed; check pitch, the "
+            "lenses per inch, and DPI"
+        )
     if calibration.directions < 2:
         places = "pixels" if stripes == "none" else "subpixels"
         raise Unreadable(
             f"{name}: {places} under a lens: {calibration.directions:.4g}, and at least 2 are needed; check pitch, the "
             "lenses per inch, and DPI"
         )
-    return calibration
+    if calibration.sharp > DEEP:
+        deep = f"calibration: check pitch, the lenses per inch: detail would be sharp up to {calibration.sharp:.2g}"
+        notes.append(f"{deep} heights of the screen from it")
+    return replace(calibration, notes=tuple(notes))
+
+
+def _unwrap(found: Any) -> Any:
+    """Returns the calibration in an object around it. Raises `ValueError` for a text in it that isn't JSON."""
+    for key in ("devices", "calibration", "value"):
+        inner = found.get(key) if isinstance(found, dict) else None
+        if isinstance(inner, list) and len(inner) == 1:
+            inner = inner[0]
+        if isinstance(inner, str):
+            inner = json.loads(inner)
+        if isinstance(inner, dict):
+            found = inner
+    return found
 
 
 def _read(found: dict[str, Any], key: str, name: str, span: tuple[float, float], default: float | None = None) -> float:

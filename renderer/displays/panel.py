@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -23,6 +24,8 @@ Conversion = Literal["spoc", "none"]
 """spoc: lenses show the scene with its own depth (orthoscopic), by the smart pseudoscopic-to-orthoscopic conversion of
 Navarro et al., Opt. Express 18, 25573 (2010). none: each lens shows what it would pick up, which a viewer sees with
 inverted depth (pseudoscopic)."""
+MOST_DIRECTIONS = 64
+"""Most directions along each axis that are interpolated with disparity; between these, neighbours are blended."""
 
 
 def render_panel(
@@ -86,7 +89,7 @@ def resample_panel(
     scale_y, scale_x = display.fit_views((height, width), pixel_aspect * reduced_x / reduced_y)
     cut = display.lens_pitch / 2  # a lens cut by the border of the views shows the border
     step = 2 * display.tangent_range / max(size_v, size_u)
-    dense = _fill_directions(views, int(np.ceil(display.lens_pitch / display.pixel_pitch - 1e-6)))
+    dense = _fill_directions(views, min(MOST_DIRECTIONS, math.ceil(display.lens_pitch / display.pixel_pitch - 1e-6)))
     dense_v, dense_u = dense.shape[:2]
     # Movement of content in the reference plane from one view to the next.
     drift_v = disparity * pixel_aspect / reduced_y * (size_v - 1) / max(dense_v - 1, 1)

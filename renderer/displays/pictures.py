@@ -156,7 +156,7 @@ def show_light_field(
             progress=progress,
         )
         notes = describe_light_field(cameras, target, disparity, pixel_aspect)
-        notes += describe_directions(float(beyond.mean()), target)
+        notes += describe_directions(float(beyond.mean()), cameras.shape[:2], target)
         return DisplayPicture(panel, (*first_notes, *notes), ppi=target.ppi)
     count = max(NATIVE_VIEWS, cameras.shape[1])
     row, notes = take_row(cameras, count, disparity=disparity)

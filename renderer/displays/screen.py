@@ -31,7 +31,7 @@ class Screen:
     """A rectangle in the plane z = 0, around the origin, of height 1 and width `aspect`, seen from z > 0.
 
     Cameras stand on the line `(d tan(angle), 0, d)`, `angle` from `-cone/2` (leftmost) to `cone/2`, at the distance d
-    from which the screen's height fills `FIELD_OF_VIEW`. They are shifted, not toed in: each camera's frustum is
+    from which the screen's height fills `field_of_view`. They are shifted, not toed in: each camera's frustum is
     sheared so that its picture is this rectangle. Content in the plane z = 0 is at the same place in all views.
 
     Raises `InvalidOption` if `cone` is out of range.
@@ -40,6 +40,8 @@ class Screen:
     aspect: float
     cone: float = 40.0
     """Degrees between the outermost cameras."""
+    field_of_view: float = FIELD_OF_VIEW
+    """Degrees from the lower to the upper edge, from which the cameras' distance follows."""
 
     def __post_init__(self) -> None:
         if not 0 < self.cone <= MAX_CONE:
@@ -48,7 +50,7 @@ class Screen:
     @property
     def distance(self) -> float:
         """Distance from the screen to the cameras, in heights of the screen."""
-        return float(0.5 / np.tan(np.radians(FIELD_OF_VIEW / 2)))
+        return float(0.5 / np.tan(np.radians(self.field_of_view / 2)))
 
     def lens_array(self) -> LensArray:
         """Returns a lens array of the screen's size whose views cover its cameras' directions, for `frame_scene`."""

@@ -6,7 +6,6 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from ciir.renderer.displays.devices import Quilt, match_views
-from ciir.renderer.displays.integral import IntegralDisplay
 from ciir.renderer.displays.pictures import find_size, find_target, show_light_field
 from ciir.renderer.displays.quilt import parse_name
 from ciir.renderer.writers.pictures import BY_SUFFIX, SUFFIXES, encode
@@ -37,7 +36,7 @@ class QuiltWriter(WholeWriter):
         """Writes the picture. A note says how to name a quilt."""
         picture = show_light_field(light_field, self._target, self.options)
         self.file.write(encode(picture.pixels, self.options.suffix or SUFFIXES[0], ppi=picture.ppi))
-        notes = [*(() if isinstance(self._target, IntegralDisplay) else self._target.notes), *picture.notes]
+        notes = [*self._target.notes, *picture.notes]
         if picture.layout is not None:
             self.beside = {".json": picture.layout.to_json().encode()}
             if parse_name(self.options.name) is None:

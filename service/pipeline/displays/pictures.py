@@ -121,7 +121,7 @@ def make_picture(
         "scene_transform": None if matrix is None else matrix.tolist(),
         **{name: made[name] for name in ("plan", "model") if name in made},
         "options": options.as_dict(KINDS["display"].options),
-        "notes": [*(() if isinstance(target, IntegralDisplay) else target.notes), *made["notes"], *picture.notes],
+        "notes": [*target.notes, *made["notes"], *picture.notes],
         "timings_ms": clock.timings_ms(),
         "versions": made["versions"],
     }
@@ -191,7 +191,9 @@ def _find_array(target: Target) -> LensArray:
 
 
 def _find_screen(target: Quilt | Calibration) -> Screen:
-    return Screen(target.layout.aspect if isinstance(target, Quilt) else target.aspect, target.cone)
+    if isinstance(target, Quilt):
+        return Screen(target.layout.aspect, target.cone)
+    return Screen(target.aspect, target.cone, target.field_of_view)
 
 
 def _render(scene: Scene, options: Options, target: Target, progress: Progress) -> DisplayPicture:

@@ -31,7 +31,7 @@ def quilts() -> list[bytes]:
 
 def panels() -> list[bytes]:
     """Every entry, and those that are needed."""
-    return [PANEL.encode(), b"[panel]\npixels = [6, 4]\npitch = 0.1\n[lenses]\npitch = 1\ngap = 3\n"]
+    return [PANEL.encode(), b"[panel]\npixels = [6, 4]\npitch = 0.4\n[lenses]\npitch = 1\ngap = 3\n"]
 
 
 def calibrations() -> list[bytes]:

@@ -1,4 +1,5 @@
 import math
+import re
 
 import numpy as np
 import pytest
@@ -63,11 +64,46 @@ def test_all_entries_are_read():
         ("gap = 3.0", "gap = 3.0\ngrid = 'round'", r"lenses.grid is 'round'; give \"square\" or \"hexagonal\""),
         ("gap = 3.0", "gap = 3.0\n[viewer]\ndistance = 2", r"viewer.distance is 2 mm, less than the gap of 3 mm; give"),
         ("pitch = 1.0", "pitch = 0.15", r"a lens of 0.15 mm over pixels of 0.1 mm; a lens covers at least 2 pixels"),
+        ("pitch = 1.0", "pitch = 2.1", r"a lens of 2.1 mm is larger than the panel of 3x2 mm; check the units"),
+        (
+            "gap = 3.0",
+            "gap = 0.03",
+            r"a lens of 1 mm with a gap of 0.03 mm shows 173 degrees; lenses show 1 to 90; check",
+        ),
+        ("gap = 3.0", "gap = 0.499", r"a lens of 1 mm with a gap of 0.499 mm shows 90.1 degrees"),
+        ("gap = 3.0", "gap = 3000", r"a lens of 1 mm with a gap of 3000 mm shows 0.0191 degrees"),
     ],
 )
 def test_mistakes_are_named_with_the_remedy(old, new, message):
     with pytest.raises(InvalidOption, match=f"^d.toml: {message}"):
         parse(SMALLEST.replace(old, new))
+
+
+@pytest.mark.parametrize(("viewer", "distance"), [("[viewer]\ndistance = 60", 60), ("", 120), ("", 300)])
+def test_eyes_in_the_viewing_zone_see_each_lenss_own_pixels(viewer, distance):
+    """A panel of 30 x 2 mm. Without a viewer, the zone begins where the directions of its outermost lenses meet."""
+    display = parse(SMALLEST.replace("[30, 20]\npitch = 0.1", "[1500, 100]\npitch = 0.02") + viewer)
+    (note,) = display.notes
+    assert note.startswith("viewing zone: lenses show 18.9 degrees; ")
+    if viewer:
+        width = float(re.search(r"at 60 mm it is (\S+) mm wide", note)[1])
+    else:
+        width = (distance - float(re.search(r"it begins (\S+) mm from them and widens", note)[1])) / 3
+    assert width > 9
+    owners = display.trace_row(50)[0][:, 1, 0]
+    lenses = np.arange(-14, 15.0)
+    for eye, is_inside in ((0.47 * width, True), (-0.47 * width, True), (width / 2 + 1.5, False)):
+        seen = lenses + (lenses - eye) * display.gap / distance  # where the eye looks through each lens
+        index = np.rint(seen / 0.02 + 749.5).astype(int)
+        is_own = np.abs(owners[index.clip(0, 1499)] - lenses) < 1e-6
+        assert is_own.all() == is_inside
+
+
+def test_depths_beyond_all_sizes_are_noted():
+    """The sharp depth of lenses of 100 pixels, 1 mm, and a gap of 3 mm is 300 mm, and the panel is 31 mm wide."""
+    fine = SMALLEST.replace("[30, 20]\npitch = 0.1", "[3100, 2000]\npitch = 0.01")
+    assert len(parse(fine).notes) == 1
+    assert parse(fine.replace("pitch = 1.0", "pitch = 1.1")).notes[1].startswith("viewing zone: check the units")
 
 
 def test_what_is_no_toml_is_refused():

@@ -9,7 +9,7 @@ import pytest
 
 from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.displays.integral import INCH, IntegralDisplay
-from ciir.renderer.displays.lenticular import INVERTED, interlace, parse_calibration
+from ciir.renderer.displays.lenticular import INVERTED, UNTESTED, interlace, parse_calibration
 from ciir.renderer.displays.panel import resample_panel
 from ciir.renderer.displays.quilt import QuiltLayout, join_views, split_quilt
 from ciir.renderer.displays.rays import RayCaster
@@ -158,9 +158,10 @@ def test_lenses_of_the_documented_print_have_the_order_of_a_panels(inverted):
     """
     numbers = read_documented_print()
     columns = round(numbers["DPI"] / numbers["pitch"])
+    del numbers["viewDistance"]  # whole lenses
     changed = numbers | {"screenW": 18 * columns, "screenH": 2 * columns} | ({} if inverted else {"invView": 0})
     calibration = parse_calibration(json.dumps(changed).encode(), name="c.json")
-    assert calibration.notes == (() if inverted else (INVERTED,))
+    assert calibration.notes == ((UNTESTED,) if inverted else (INVERTED, UNTESTED))
     views = np.broadcast_to(np.linspace(0, 255, 48).round().astype(np.uint8)[:, None, None, None], (48, 4, 36, 1))
     lens, pixel = INCH / numbers["pitch"], INCH / numbers["DPI"]
     display = IntegralDisplay(18 * columns, 2 * columns, pixel, lens, 3 * lens, offset=(lens / 2, 0), stripes="none")
@@ -174,9 +175,34 @@ def test_lenses_of_the_documented_print_have_the_order_of_a_panels(inverted):
 def test_a_calibration_without_invview_is_noted_for_a_print_only():
     numbers = read_documented_print()
     del numbers["invView"]
-    assert parse_calibration(json.dumps(numbers).encode(), name="c.json").notes == (INVERTED,)
+    del numbers["viewDistance"]
+    assert parse_calibration(json.dumps(numbers).encode(), name="c.json").notes == (INVERTED, UNTESTED)
     del numbers["subpixels"]
     assert parse_calibration(json.dumps(numbers).encode(), name="c.json").notes == ()
+
+
+@pytest.mark.parametrize(
+    "changed", [{}, {"slope": 6}, {"slope": -6, "center": 0.3}, {"flipImageX": 1, "slope": 6}], ids=str
+)
+def test_an_eye_at_the_view_distance_sees_one_view_through_all_lenses(changed):
+    """It looks through a point of the sheet at one of the print farther out, which has to show what the sheet's own
+    calibration shows at the point.
+    """
+    numbers = read_documented_print() | changed
+    near = parse_calibration(json.dumps(numbers).encode(), name="c.json")
+    assert near.notes == ("calibration: seen from 16 inches, the pitch of 60 becomes 59.9143",)
+    del numbers["viewDistance"]
+    sheet = parse_calibration(json.dumps(numbers).encode(), name="c.json")
+    gap = 1 / 60 / 2 / math.tan(math.radians(20))
+    size, rows = np.array([3600, 2400]), np.array([0, 700, 2399])
+    places = np.stack([near.view_places(row)[:, 0] for row in rows])
+    x, y = np.meshgrid(np.arange(3600) + 0.5, size[1] - (rows + 0.5))
+    x, y = ((side - full / 2) * 16 / (16 + gap) + full / 2 for side, full in zip((x, y), size, strict=True))
+    through = ((x / size[0] + y / size[1] * sheet.tilt) * sheet.pitch - sheet.center) % 1
+    off = np.abs(places - (1 - through))
+    assert np.minimum(off, 1 - off).max() < 1e-6
+    assert near.sharp == pytest.approx(sheet.sharp, rel=0.01)
+    assert 1200 / math.tan(math.radians(near.field_of_view) / 2) / 600 == pytest.approx(16)
 
 
 @pytest.mark.parametrize(
@@ -191,6 +217,7 @@ def test_a_calibration_without_invview_is_noted_for_a_print_only():
 )
 def test_lenses_that_cover_fewer_than_two_places_are_refused(stripes, pitch, message):
     numbers = read_documented_print() | {"subpixels": stripes, "pitch": pitch, "DPI": 600}
+    del numbers["viewDistance"]
     if message is None:
         assert parse_calibration(json.dumps(numbers).encode(), name="c.json").directions == pytest.approx(2)
         return
@@ -226,8 +253,31 @@ def test_a_real_calibration_is_read():
 def test_a_calibration_may_be_an_entry_of_an_object():
     wrapped = json.dumps({"serial": "TEST", "calibration": CALIBRATION}).encode()
     assert parse_calibration(wrapped, name="c.json") == make_calibration()
-    with pytest.raises(Unreadable, match=r"^c.json: screenW is missing"):
+    with pytest.raises(Unreadable, match=r"^c.json: no calibration; .* the object that holds pitch, slope, center"):
         parse_calibration(b'{"calibration": {}}', name="c.json")
+
+
+def test_a_calibration_may_be_a_reply_of_looking_glass_bridge():
+    text = {"calibration": {"value": json.dumps(CALIBRATION)}}
+    for reply in ({"devices": [{"serial": "TEST", "calibration": CALIBRATION}]}, text, {"devices": [text]}):
+        assert parse_calibration(json.dumps(reply).encode(), name="c.json") == make_calibration()
+    two = json.dumps({"devices": [{"calibration": CALIBRATION}] * 2}).encode()
+    with pytest.raises(Unreadable, match=r"^c.json: no calibration; .* the object that holds pitch, slope, center"):
+        parse_calibration(two, name="c.json")
+
+
+@pytest.mark.parametrize(("wrong", "right"), [("invview", "invView"), ("VIEWCONE", "viewCone"), ("dpi", "DPI")])
+def test_a_key_in_other_case_is_refused(wrong, right):
+    for numbers in (CALIBRATION, {key: value for key, value in CALIBRATION.items() if key != right}):
+        with pytest.raises(Unreadable, match=f"^c.json: {wrong} is not known; write {right}$"):
+            parse_calibration(json.dumps(numbers | {wrong: 1}).encode(), name="c.json")
+
+
+def test_lenses_wider_than_the_screen_are_refused_and_few_are_noted():
+    with pytest.raises(Unreadable, match=r"^c.json: lenses across the screen: 0.99, .* check pitch, .* and DPI"):
+        make_calibration(screenW=1200.0, screenH=800.0, pitch=0.283)
+    (note,) = make_calibration(screenW=1200.0, screenH=800.0, pitch=3.0).notes
+    assert note.startswith("calibration: check pitch, the lenses per inch: detail would be sharp up to")
 
 
 def test_a_pattern_of_subpixels_is_noted():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from ciir.renderer.backends.embree import RaytraceBackend
+from ciir.renderer.displays import panel
 from ciir.renderer.displays.integral import IntegralDisplay
 from ciir.renderer.displays.panel import render_panel, resample_panel
 from ciir.renderer.displays.rays import RayCaster
@@ -190,6 +191,20 @@ def test_the_reference_plane_is_given_in_pixels_along_x(captured):
 def test_a_panel_smaller_than_a_lens_shows_one_pixel_of_each_view():
     display = IntegralDisplay(6, 4, pixel_pitch=0.1, lens_pitch=1.0, gap=3.0)
     assert (resample_panel(np.full((1, 3, 12, 16, 3), 90, np.uint8), display) == 90).all()
+
+
+def test_lenses_of_many_pixels_make_no_more_views_than_help(monkeypatch):
+    """A lens of 128 pixels. Between 64 directions, a blend is as good as a view of its own."""
+    display = IntegralDisplay(640, 512, 0.1, 12.8, 40.0, stripes="none")
+    rows = np.stack([np.roll(np.sin(np.arange(40) / 3), shift) for shift in (-1, 0, 1)])
+    views = np.broadcast_to((128 + 100 * rows).round().astype(np.uint8)[None, :, None, :, None], (3, 3, 32, 40, 1))
+    counts, exact = [], panel.interpolate_views
+    monkeypatch.setattr(panel, "interpolate_views", lambda row, count: (counts.append(count), exact(row, count))[1])
+    made = resample_panel(views, display).astype(int)
+    assert set(counts) == {64}
+    monkeypatch.setattr(panel, "MOST_DIRECTIONS", 1000)
+    assert np.abs(made - resample_panel(views, display)).mean() < 0.5
+    assert set(counts) == {64, 128}
 
 
 def test_16_bit_views_make_a_16_bit_panel():

@@ -31,6 +31,11 @@ def views():
     return list(Screen(0.75, 40.0).render_views(RayCaster(scene), 5, (400, 300)))
 
 
+def test_the_distance_follows_from_the_field_of_view():
+    assert Screen(0.75).distance == pytest.approx(4.0722, abs=1e-4)
+    assert Screen(0.75, 40.0, 90.0).distance == pytest.approx(0.5)
+
+
 def test_points_project_by_similar_triangles(views):
     screen = Screen(0.75, 40.0)
     for view, angle in zip(views, np.radians([-20, -10, 0, 10, 20]), strict=True):

@@ -152,6 +152,7 @@ export const EXAMPLES = /** @type {Record<string, string>} */ ({
  "screenW": 3600, "screenH": 2400,
  "slope": 10000, "center": 0,
  "viewCone": 40, "invView": 1,
+ "viewDistance": 16,
  "subpixels": "none"}`,
   display: `[panel]
 pixels = [1920, 1080]
@@ -159,7 +160,10 @@ ppi = 280   # pixels per inch
 
 [lenses]
 pitch = 1.0 # from lens to lens
-gap = 3.0   # pixels to lenses`,
+gap = 3.0   # pixels to lenses
+
+[viewer]
+distance = 500 # from the lenses`,
 });
 
 /** The names of formats. */

@@ -126,7 +126,8 @@ def test_a_description_of_a_panel_makes_its_picture(tmp_path):
     expected = resample_panel(FIELD.views, display, conversion="none", disparity=0.5)
     assert np.array_equal(read(tmp_path / "a.png"), expected)
     assert Image.open(io.BytesIO((tmp_path / "a.png").read_bytes())).info["dpi"] == pytest.approx((254, 254), rel=5e-5)
-    assert notes[0].startswith("depth: the display is sharp for disparities from")
+    assert notes[0].startswith("viewing zone: lenses show 18.9 degrees")
+    assert notes[1].startswith("depth: the display is sharp for disparities from")
 
 
 @pytest.mark.parametrize("options", [{"quilt": "8x6"}, {"calibration": "c.json"}, {"display": "p.toml"}])

@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -85,6 +86,17 @@ def test_pictures_of_a_known_pixel_size_state_their_resolution(folder, name, suf
     assert convert(f"{name} -o out{suffix} {options}") == 0
     picture = Image.open(io.BytesIO((folder / f"out{suffix}").read_bytes()))
     assert picture.info["dpi"] == pytest.approx((ppi, ppi), rel=5e-5)
+
+
+def test_a_print_is_cast_from_its_viewers_distance(folder, capsys):
+    numbers = CALIBRATION | {"subpixels": "none", "invView": 1, "viewDistance": 3}
+    (folder / "print.json").write_text(json.dumps(numbers))
+    screen = displays._find_screen(parse_calibration(json.dumps(numbers).encode(), name="print.json"))
+    assert screen.distance == pytest.approx(3 * 338 / 80)
+    assert convert("scene:vase -o near.png --calibration print.json --report r.json") == 0
+    assert "seen from 3 inches, the pitch of 47.3 becomes 46.8" in capsys.readouterr().err
+    shown = json.loads((folder / "r.json").read_text())["display"]
+    assert 0.5 / math.tan(math.radians(shown["field_of_view"]) / 2) == pytest.approx(screen.distance)
 
 
 def test_a_light_field_becomes_a_quilt_of_its_own_views(folder, capsys):
