@@ -15,15 +15,26 @@ _SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60, 300
 _SKIPPED = ("uniform", "repeated")
 
 
+def _bind_types(registry: CollectorRegistry | None) -> tuple[partial[Counter], partial[Gauge], partial[Histogram]]:
+    """Returns the types of metrics, made in `registry`, or in none so that they are not exported."""
+    return (
+        partial(Counter, registry=registry),
+        partial(Gauge, registry=registry),
+        partial(Histogram, registry=registry, buckets=_SECONDS),
+    )
+
+
 class Metrics:
     """The metrics of one process, in their own registry."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, of_web: bool = True) -> None:
+        """`of_web`: whether the process serves HTTP. Otherwise metrics of requests and of the queue are left out.
+
+        A worker's health check reads its metrics, so they must not depend on the queue's server.
+        """
         self.registry = CollectorRegistry()
         ProcessCollector(registry=self.registry)
-        counter = partial(Counter, registry=self.registry)
-        gauge = partial(Gauge, registry=self.registry)
-        histogram = partial(Histogram, registry=self.registry, buckets=_SECONDS)
+        counter, gauge, histogram = _bind_types(self.registry if of_web else None)
         self.requests = counter("ciir_http_requests", "Requests answered", ("method", "route", "status"))
         self.latency = histogram(
             "ciir_http_request_seconds", "From the head of a request to the end of its response", ("method", "route")
@@ -38,13 +49,15 @@ class Metrics:
         self.oldest = gauge(
             "ciir_queue_oldest_seconds", "Time of the job that has waited, or has run, the longest", ("lane", "state")
         )
+        self.consumers = gauge("ciir_queue_consumers", "Live processes on all machines that take jobs from the queue")
         self.queue_up = gauge("ciir_queue_up", "1 if the queue can be reached, else 0")
+        counter, gauge, histogram = _bind_types(self.registry)
         self.workers = gauge("ciir_workers", "Worker processes of this machine that have loaded the models")
         self.busy = gauge("ciir_workers_busy", "Worker processes of this machine that are running a job")
         self.ended = counter(
             "ciir_jobs_ended", "Jobs ended; status: 200, a problem's, or an exception's name", ("status",)
         )
-        self.seconds = histogram("ciir_job_seconds", "Time of a worker process per job")
+        self.seconds = histogram("ciir_job_seconds", "Time of a worker process per job", ("kind",))
         self.stages = counter("ciir_stage_seconds", "Seconds of finished jobs by stage", ("stage",))
         self.written = counter("ciir_result_bytes", "Bytes of the results of finished jobs")
         self.pixels = counter("ciir_model_pixels", "Input pixels of models")
@@ -58,7 +71,8 @@ class Metrics:
         """Adds the stages, bytes and pixels of a finished job. `size`: bytes of its result."""
         self.written.inc(size)
         for stage, milliseconds in report["timings_ms"].items():
-            self.stages.labels(stage).inc(milliseconds / 1000)
+            if stage != "total":  # it contains the others
+                self.stages.labels(stage).inc(milliseconds / 1000)
         skipped: Mapping[str, float] | None = report.get("plan", report).get("skipped")
         if skipped is not None and "pixels" in skipped:  # a mesh has `culled` even if no model ran
             self.pixels.inc(skipped["pixels"])

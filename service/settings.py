@@ -107,7 +107,7 @@ class Settings(BaseSettings):
     """Address of the Redis server that holds the queue, redis://HOST:PORT/NUMBER; several machines can share it.
     Default: a SQLite file in `CIIR_FOLDER`."""
     queue_file: Path | None = None
-    """File that holds `CIIR_QUEUE`, for an address with a password."""
+    """File that holds `CIIR_QUEUE`, for an address with a password. Lines that begin with # are comments."""
     files: Annotated[str, AfterValidator(_check_files)] = ""
     """Folder for inputs and results, or s3://BUCKET/PATH (extra `[s3]`; the image has it); default: `files` in
     `CIIR_FOLDER`. Machines that share a queue must share this too."""
@@ -143,8 +143,8 @@ class Settings(BaseSettings):
     """Seconds that a finished job and its result, or a file for several requests, are kept after the last request for
     them. At most 50,000 finished jobs and files are kept."""
     keep_bytes: int = _number(2 * 2**30, 0, _MOST)
-    """Maximum bytes of all kept results and files together. Those that were requested longest ago are removed first,
-    but none within a minute of its last request."""
+    """Maximum bytes of all kept results and files, and of the records of their jobs, together. Those that were requested
+    longest ago are removed first, but none within a minute of its last request."""
 
     # Limits on input and output
 
@@ -188,7 +188,7 @@ class Settings(BaseSettings):
     """API keys, separated by commas or line ends. A request must send one of them as `Authorization: Bearer KEY` or
     `X-API-Key`. Default: no key is needed."""
     api_keys_file: Path | None = None
-    """File that holds `CIIR_API_KEYS`, as Docker and Kubernetes mount secrets."""
+    """File that holds `CIIR_API_KEYS`, as Docker and Kubernetes mount secrets. Lines that begin with # are comments."""
     hosts: Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split_list), AfterValidator(_parse_hosts)] = ()
     """Names or addresses, in addition to those of this machine (localhost, 127.0.0.0/8, [::1]), that the `Host` of a
     request may have, with any port, separated by commas; `*`: any. Default: none if the server listens on loopback,
@@ -258,14 +258,15 @@ def read_settings() -> Settings:
 
 
 def _read_secret(variable: str, path: Path) -> str:
-    """Reads the file `path`, which is given instead of `variable`. Raises `InvalidOption`."""
+    """Reads the file `path`, which is given instead of `variable`, without its comments. Raises `InvalidOption`."""
     if os.environ.get(variable):
         raise InvalidOption(f"{variable} and {variable}_FILE are both set; unset one")
     try:
-        content = path.read_text(encoding="utf-8-sig").strip()  # editors on Windows begin a file with a byte order mark
+        content = path.read_text(encoding="utf-8-sig")  # editors on Windows begin a file with a byte order mark
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not UTF-8"
         raise InvalidOption(f"{variable}_FILE: {path}: {reason}; name a file that can be read") from error
+    content = re.sub(r"^\s*#.*", "", content, flags=re.MULTILINE).strip()
     if not content:
         raise InvalidOption(f"{variable}_FILE: {path} is empty; write {variable} into it, or unset {variable}_FILE")
     return content

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import threading
+import time
 from typing import TYPE_CHECKING
 
 from ciir.errors import NotReady, QueueUnavailable
 from ciir.service.jobs.jobs import Jobs
 from ciir.service.jobs.workers.consumer import Consumer
 from ciir.service.jobs.workers.counting_pool import CountingPool
+from ciir.service.jobs.workers.recovery import DEAD_SECONDS, date_heartbeats
 from ciir.service.settings import hide_secrets
 
 if TYPE_CHECKING:
     from ciir.service.jobs.workers.pool import Pool
+    from ciir.service.jobs.workers.recovery import Heartbeats
     from ciir.service.metrics import Metrics
     from ciir.service.settings import Settings
 
@@ -34,6 +37,7 @@ class Engine:
             Consumer(self.jobs, CountingPool(self._pool, metrics), settings.workers) if self._pool is not None else None
         )
         self._was_ready = False
+        self._heartbeats: Heartbeats = {}
         self._draining = threading.Event()
         self._changing = threading.Lock()
         metrics.workers.set_function(self._pool.count_ready if self._pool is not None else lambda: 0)
@@ -82,11 +86,15 @@ class Engine:
         """Sets the gauges of the queue in `metrics`; all other metrics are always current."""
         try:
             waiting, ages = self.jobs.count_waiting(), self.jobs.measure_ages()
+            heartbeats, now = self.jobs.queue.heartbeats.items(), time.monotonic()
         except QueueUnavailable:
+            self._heartbeats = {}  # consumers couldn't send theirs either
             self.metrics.queue_up.set(0)
             return
         self.metrics.queue_up.set(1)
         self.metrics.waiting.set(waiting)
+        self._heartbeats = date_heartbeats(heartbeats, self._heartbeats, now)
+        self.metrics.consumers.set(sum(now - since < DEAD_SECONDS for _, since in self._heartbeats.values()))
         for (lane, state), seconds in ages.items():
             self.metrics.jobs.labels(lane, state).set(len(seconds))
             self.metrics.oldest.labels(lane, state).set(max(0.0, *seconds) if seconds else 0.0)

@@ -19,6 +19,8 @@ FINAL: frozenset[State] = frozenset({"done", "failed", "cancelled"})
 KEPT_FILE = cast("KindName", "file")
 """In place of the kind, in the record of a file that is kept for several requests: an ended job whose result is that
 file."""
+LONG_TEXT = 1000
+"""An option's text that is longer is stored once, although the report of the result repeats it."""
 CLIENTS_LIMIT = 100
 """Most clients that a job's record lists. Requests by further clients are not listed."""
 
@@ -139,6 +141,9 @@ class Job:
     def to_bytes(self) -> bytes:
         """Returns the job as UTF-8 JSON."""
         fields = asdict(self)
+        if self.result is not None:
+            repeated = fields["result"]["report"].get("options", {})
+            repeated |= {name: None for name, text in self._list_long_texts() if repeated.get(name) == text}
         if not self.made_by:
             del fields["made_by"]  # so that workers of versions without it can take the job
         return json.dumps(fields, separators=(",", ":"), allow_nan=False).encode()
@@ -154,11 +159,19 @@ class Job:
             del fields[key]
         problem, result = fields.pop("problem"), fields.pop("result")
         events, clients = tuple(Event(**event) for event in fields["events"]), tuple(fields.get("clients", ()))
-        return cls(
+        job = cls(
             **fields | {"request": Request(**fields["request"]), "events": events, "clients": clients},
             problem=None if problem is None else Problem(**problem),
             result=None if result is None else Result(**result),
         )
+        if job.result is not None:
+            repeated = job.result.report.get("options", {})
+            repeated |= {name: text for name, text in job._list_long_texts() if repeated.get(name, "") is None}
+        return job
+
+    def _list_long_texts(self) -> list[tuple[str, str]]:
+        """Lists the client's options that are long, by name."""
+        return [(name, text) for name, text in self.request.options.items() if len(text) > LONG_TEXT]
 
 
 def parse_id(name: str) -> str:

@@ -202,22 +202,25 @@ class Jobs:
     def sweep(self) -> bool:
         """Removes jobs unused for `keep_seconds`, and the least recently used over `keep_bytes` or `FINISHED_LIMIT`.
 
+        The least recently used are also removed while a Redis server is short of memory.
         Returns False if it stopped after `SWEEP_LIMIT_SECONDS` with work left.
         """
         now = time.time()
         finished = sorted((*json.loads(value), name) for name, value in self.queue.finished.items().items())
         count, total = len(finished), sum(size for _, size, _ in finished)
+        is_short = self.queue.is_short_of_memory()
         deadline = time.monotonic() + SWEEP_LIMIT_SECONDS
         for used, size, name in finished:
             if time.monotonic() > deadline:
                 return False
             age = now - used
-            is_over = total > self._keep_bytes or count > FINISHED_LIMIT
+            is_over = total > self._keep_bytes or count > FINISHED_LIMIT or is_short
             if age < 0:  # the system clock was set back
                 self.lifecycle.store_use(name, size)
             elif age > self.keep_seconds or (is_over and age > MIN_KEEP_SECONDS):
                 self._expire(name)
                 count, total = count - 1, total - size
+                is_short = is_short and self.queue.is_short_of_memory()
         return True
 
     def remove_input(self, name: str) -> None:

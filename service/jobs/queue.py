@@ -39,6 +39,8 @@ POLL_SECONDS = (0.02, 0.25)
 """Least and most time between two polls of a SQLite file for changes by other processes."""
 REDIS_POLL_SECONDS = (1.0, 2.0)
 """The same for a Redis server, whose notifications are lost only if a connection breaks."""
+MEMORY_SHARE = 0.75
+"""Share of a Redis server's `maxmemory` that jobs may take before ended ones are removed early."""
 _CONNECT_SECONDS, _ANSWER_SECONDS = 2.0, 5.0
 _LISTEN_SECONDS = 0.25
 """Time that a listening thread takes to stop."""
@@ -265,6 +267,14 @@ class Queue:
         """Raises `QueueUnavailable` if a Redis server accepts no writes, such as over `maxmemory` or as a replica."""
         if self._pool is not None:
             self._checks.put("writes", b"")
+
+    def is_short_of_memory(self) -> bool:
+        """Checks whether a Redis server uses `MEMORY_SHARE` of its `maxmemory`. Raises `QueueUnavailable`."""
+        if self._pool is None:
+            return False
+        with self._resource.use():
+            memory = self._lanes[LANES[0]].conn.info("memory")
+        return bool(0 < MEMORY_SHARE * memory["maxmemory"] < memory["used_memory"])
 
     def close(self) -> None:
         """Closes the connections."""

@@ -52,6 +52,22 @@ def test_the_demo_has_the_keys_of_the_web_service():
     assert SERVICES["demo"]["environment"]["CIIR_API_KEYS"] == "${CIIR_API_KEYS:-}"
 
 
+def test_redis_refuses_writes_before_its_container_is_out_of_memory():
+    (kubernetes,) = (
+        each["spec"]["template"]["spec"]["containers"][0]
+        for each in yaml.safe_load_all((ROOT / "kubernetes.yaml").read_text())
+        if each["kind"] == "StatefulSet"
+    )
+    assert (SERVICES["redis"]["mem_limit"], kubernetes["resources"]["limits"]["memory"]) == ("1g", "1Gi")
+    for command in (SERVICES["redis"]["command"], kubernetes["command"]):
+        assert command[command.index("--maxmemory") + 1] == "512mb"  # half: a fork that rewrites the file copies pages
+        assert command[command.index("--maxmemory-policy") + 1] == "noeviction"
+
+
+def test_the_web_service_can_be_given_its_proxies():
+    assert SERVICES["web"]["environment"]["FORWARDED_ALLOW_IPS"] == "${FORWARDED_ALLOW_IPS:-127.0.0.1}"
+
+
 def test_plain_http_is_published_on_loopback_alone():
     text = (ROOT / "docs/deployment.md").read_text()
     override = next(

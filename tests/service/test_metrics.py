@@ -13,8 +13,16 @@ def test_results_are_counted():
     metrics.count_result(1, {"timings_ms": {}, "plan": {"skipped": {"culled": 0.5}}})
     assert read_metrics(
         metrics,
-        'ciir_stage_seconds_total{stage="total"}',
+        'ciir_stage_seconds_total{stage="decode"}',
         "ciir_result_bytes_total",
         "ciir_model_pixels_total",
         'ciir_model_pixels_skipped_total{reason="repeated"}',
-    ) == [3, 124, 200, 100]
+    ) == [1, 124, 200, 100]
+    assert "total" not in {sample.labels.get("stage") for each in metrics.registry.collect() for sample in each.samples}
+
+
+def test_a_worker_exports_no_metrics_of_requests_and_of_the_queue():
+    web, worker = ({each.name for each in made.registry.collect()} for made in (Metrics(), Metrics(of_web=False)))
+    assert worker < web
+    assert {name.partition("_")[2].partition("_")[0] for name in web - worker} == {"http", "queue", "jobs"}
+    assert {"ciir_workers", "ciir_job_seconds", "ciir_jobs_ended"} < worker

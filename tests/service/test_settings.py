@@ -101,6 +101,17 @@ def test_a_file_has_a_key_on_each_line(monkeypatch, tmp_path, mark):
     assert keys == ["first", "second", "third", "fourth"]
 
 
+@pytest.mark.parametrize("name", ["CIIR_API_KEYS", "CIIR_QUEUE"])
+def test_comments_in_a_file_are_no_keys(monkeypatch, tmp_path, name):
+    (tmp_path / "secret").write_text("# keys of team A, until May\n\n  # the first\nredis://#1\n#")
+    monkeypatch.setenv(f"{name}_FILE", str(tmp_path / "secret"))
+    found = settings.read_settings()
+    assert [found.queue, *(key.get_secret_value() for key in found.api_keys)] in (["redis://#1"], ["", "redis://#1"])
+    (tmp_path / "secret").write_text("# nothing else\n")
+    with pytest.raises(InvalidOption, match=f"^{name}_FILE: .* is empty"):
+        settings.read_settings()
+
+
 def test_hosts_are_compared_without_case_port_and_brackets(monkeypatch):
     monkeypatch.setenv("CIIR_HOSTS", "Example.org, foo.org:8000, [fd00::1]:80, FD00::2, 10.0.0.7, *")
     assert settings.read_settings().hosts == ("example.org", "foo.org", "fd00::1", "fd00::2", "10.0.0.7", "*")

@@ -161,6 +161,11 @@ class RedisServer:
         ping = ["redis-cli", "-s", f"{self.folder}/socket", "ping"]
         return b"PONG" in subprocess.run(ping, capture_output=True, check=False).stdout  # noqa: S603
 
+    def call(self, *command):
+        """Runs a command of `redis-cli` and returns its output."""
+        line = ["redis-cli", "-s", f"{self.folder}/socket", *command]
+        return subprocess.run(line, capture_output=True, check=True, text=True).stdout  # noqa: S603 - our own
+
     def kill(self):
         self.process.kill()
         self.process.wait()

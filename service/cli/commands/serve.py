@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import socket
+from ipaddress import ip_address
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
@@ -44,9 +45,11 @@ def run(args: argparse.Namespace) -> None:
             found = found.model_copy(update={"hosts": ("localhost",)})
         app = create_app(found)
         _log.info(app.state.service.engine.describe_place())
-        common.print_line(
-            f"http://{f'[{host}]' if ':' in host else host}:{port} is the web page; /docs describes the API"
-        )
+        message = f"{find_url(host, port)} is the web page; /docs describes the API"
+        if found.log_format == "json":
+            _log.info(message)
+        else:
+            common.print_line(message)
         DrainingServer(app).run([listener])
 
 
@@ -55,6 +58,13 @@ def is_open(host: str, keys: int) -> bool:
     from ciir.service.web.middleware.site import is_loopback
 
     return not keys and not is_loopback(host)
+
+
+def find_url(host: str, port: int) -> str:
+    """Returns an address that a browser on this machine can open: localhost if the server listens on all addresses."""
+    if ip_address(host.partition("%")[0]).is_unspecified:
+        host = "localhost"
+    return f"http://{f'[{host}]' if ':' in host else host}:{port}"
 
 
 def _listening(host: str, port: int) -> socket.socket:

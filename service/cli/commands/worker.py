@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> None:  # noqa: ARG001 - all commands share 
     def end(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - the signature is Python's
         stop.set()
 
-    metrics = Metrics()
+    metrics = Metrics(of_web=False)
     engine = Engine(found, metrics)
     with ExitStack() as rest:
         for number in (signal.SIGTERM, signal.SIGINT):

@@ -190,7 +190,7 @@ class Consumer:
             try:
                 if now - repaired >= HEARTBEAT_SECONDS:
                     repaired = now
-                    self._recovery.send_heartbeat()
+                    is_clean = self._recovery.send_heartbeat() and is_clean
                     with self._lock:
                         leases = set(self._runs)
                     self._recovery.repair(leases)

@@ -32,7 +32,7 @@ class CountingPool:
             raise
         finally:
             self._metrics.busy.dec()
-            self._metrics.seconds.observe(time.perf_counter() - started)
+            self._metrics.seconds.labels(task.request.kind).observe(time.perf_counter() - started)
             self._metrics.ended.labels(status).inc()
         if not isinstance(outcome, Problem):
             self._metrics.count_result(outcome.size, outcome.report)

@@ -16,7 +16,7 @@ from ciir.service.jobs.workers.orphans import remove_orphaned_files
 from ciir.service.jobs.workers.restore import restore_jobs
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
+    from collections.abc import Callable, Collection, Mapping
 
     from ciir.service.jobs.job import Job
     from ciir.service.jobs.jobs import Jobs
@@ -29,6 +29,8 @@ LOST_SECONDS = 3.0
 consumer that no thread holds: a process died between two steps, or the queue's answer was lost."""
 STALE_SECONDS = 600.0
 """An input without a job is removed after this long: the process that received it died."""
+Heartbeats = dict[str, tuple[bytes, float]]
+"""Consumer -> its count, and when this process first read that count."""
 _log = logging.getLogger("ciir.jobs")
 
 
@@ -38,25 +40,27 @@ class Recovery:
     def __init__(self, jobs: Jobs, lock: ConsumerLock, clock: Callable[[], float] = time.monotonic) -> None:
         self._jobs, self._lock, self._clock = jobs, lock, clock
         self._count = 0
-        self._heartbeats: dict[str, tuple[bytes, float]] = {}
-        """Consumer -> its count, and when this process first read that count."""
+        self._heartbeats: Heartbeats = {}
         self._defects: dict[tuple[str, str], float] = {}
         """A job's input and its defect -> when this process first saw it."""
 
-    def send_heartbeat(self) -> None:
-        """Raises this consumer's count."""
+    def send_heartbeat(self) -> bool:
+        """Raises this consumer's count. Returns whether the queue still has the last one, and so its other data."""
+        table, name = self._jobs.queue.heartbeats, self._lock.name
         self._count += 1
         try:
-            self._jobs.queue.heartbeats.put(self._lock.name, str(self._count).encode())
+            is_known = table.get(name) is not None
+            table.put(name, str(self._count).encode())
         except QueueUnavailable:  # other consumers can't send theirs either, so the time until now doesn't count
             self._heartbeats, self._defects = {}, {}
             raise
+        return is_known
 
     def repair(self, leases: Collection[str]) -> None:
         """Repairs every defect that has lasted long enough. `leases` are those that this consumer's threads hold."""
         now = self._clock()
         heartbeats = self._jobs.queue.heartbeats.items()
-        self._heartbeats = {name: self._date_heartbeat(name, count, now) for name, count in heartbeats.items()}
+        self._heartbeats = date_heartbeats(heartbeats, self._heartbeats, now)
         names = list(self._jobs.queue.active.items())
         jobs = self._jobs.records.get_many([parse_id(name) for name in names])
         waiting = self._jobs.queue.list_waiting() if names else set()
@@ -114,15 +118,17 @@ class Recovery:
         else:
             self._jobs.lifecycle.retry_after_consumer_death(job)
 
-    def _date_heartbeat(self, name: str, count: bytes, now: float) -> tuple[bytes, float]:
-        known = self._heartbeats.get(name)
-        return known if known is not None and known[0] == count else (count, now)
-
     def _is_dead(self, name: str, now: float) -> bool:
         if name == self._lock.name:
             return False
         has_stopped = name in self._heartbeats and now - self._heartbeats[name][1] >= DEAD_SECONDS
         return has_stopped or self._lock.is_dead(name)
+
+
+def date_heartbeats(counts: Mapping[str, bytes], before: Heartbeats, now: float) -> Heartbeats:
+    """Returns the consumers of `counts`, which was read at `now`; `before`: what the last call returned."""
+    known = {name: (count, since) for name, (count, since) in before.items() if counts.get(name) == count}
+    return {name: (count, now) for name, count in counts.items()} | known
 
 
 def create_lease(consumer: str, number: int) -> str:

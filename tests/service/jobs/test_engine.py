@@ -1,6 +1,7 @@
 """The engine's start, drain and close; the routes that use it are tested in web/."""
 
 import threading
+import time
 
 import pytest
 
@@ -8,9 +9,10 @@ from ciir.errors import NotReady, QueueUnavailable
 from ciir.service.jobs import engine as engine_module
 from ciir.service.jobs.engine import Engine
 from ciir.service.jobs.job import Problem
+from ciir.service.jobs.workers.recovery import DEAD_SECONDS
 from ciir.service.metrics import Metrics
 from ciir.service.settings import Settings
-from tests.support.jobs import submit_data, wait_for_end
+from tests.support.jobs import read_metrics, submit_data, wait_for_end
 
 
 class Pool:
@@ -99,6 +101,7 @@ def test_gauges_of_the_queue(engine, monkeypatch):
         'ciir_queue_jobs{lane="small",state="queued"} 1.0',
         'ciir_queue_jobs{lane="large",state="running"} 0.0',
         "ciir_queue_up 1.0",
+        "ciir_queue_consumers 0.0",
         "ciir_workers 3.0",
     ):
         assert line in text
@@ -120,6 +123,28 @@ def test_the_oldest_of_the_jobs(engine, monkeypatch):
     assert f'{name}{{lane="small",state="queued"}} 9.0' in lines
     assert f'{name}{{lane="large",state="queued"}} 0.0' in lines
     assert f'{name}{{lane="large",state="running"}} 0.0' in lines  # the system clock was set back
+
+
+def test_live_consumers_are_counted(engine, monkeypatch):
+    now = 1000.0
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+
+    def count(**heartbeats):
+        for name, value in heartbeats.items():
+            engine.jobs.queue.heartbeats.put(name, str(value).encode())
+        engine.update_gauges()
+        return read_metrics(engine.metrics, "ciir_queue_consumers")[0]
+
+    assert count(a=1, b=1) == 2
+    now += DEAD_SECONDS / 2
+    assert count(a=2) == 2
+    now += DEAD_SECONDS / 2
+    assert count() == 1
+    assert count(b=2) == 2
+    now += 6 * DEAD_SECONDS  # the interval of a slow Prometheus
+    assert count(a=3, b=3) == 2
+    engine.jobs.queue.heartbeats.remove("a")  # it was stopped
+    assert count() == 1
 
 
 def test_without_workers_it_only_stores_jobs(tmp_path, monkeypatch):

@@ -1,8 +1,9 @@
 import json
+from dataclasses import replace
 
 import pytest
 
-from ciir.service.jobs.job import CLIENTS_LIMIT, Event, Job, Problem, Request, Result, parse_id
+from ciir.service.jobs.job import CLIENTS_LIMIT, LONG_TEXT, Event, Job, Problem, Request, Result, parse_id
 
 JOB = Job("0" * 32, Request("upload.png", {"lenses": "5x5"}, None), created=1.5, lane="large", input="i", lease="l")
 
@@ -38,6 +39,18 @@ def test_a_job_lists_each_client_once_and_not_too_many():
     for number in range(2 * CLIENTS_LIMIT):
         job = job.add_client(str(number))
     assert len(job.clients) == CLIENTS_LIMIT
+
+
+def test_a_long_option_is_stored_once():
+    text = "#" * 2 * LONG_TEXT
+    report = {"options": {"display": text, "camera": None, "views": "all"}, "notes": []}
+    request = Request("upload.png", {"display": text, "views": "all"}, None)
+    job = replace(JOB, request=request, state="done", result=Result("zip", 5, report))
+    assert job.to_bytes().count(text.encode()) == 1
+    assert Job.from_bytes(job.to_bytes()) == job
+    assert report["options"]["display"] == text
+    other = replace(job, result=Result("zip", 5, {"options": {"display": "other", "camera": None}}))
+    assert Job.from_bytes(other.to_bytes()) == other
 
 
 @pytest.mark.parametrize("text", [b"", b"{}", b"[]", b"\xff", b'{"problem": null, "result": null, "request": {}}'])

@@ -1,5 +1,4 @@
 import json
-import subprocess
 import threading
 
 import pytest
@@ -142,7 +141,7 @@ def test_a_valid_url_connects_to_nothing_yet(url, tmp_path):
 def test_a_redis_server_that_refuses_writes_is_reported(redis_server, tmp_path, command):
     queue = Queue(tmp_path, redis_server.url)
     queue.check()
-    subprocess.run(["redis-cli", "-s", f"{redis_server.folder}/socket", *command], capture_output=True, check=True)  # noqa: S603, S607
+    redis_server.call(*command)
     for write in (queue.check, lambda: queue.push("small", "a"), lambda: queue.jobs.swap("a", None, b"1")):
         with pytest.raises(QueueUnavailable, match="its server refuses commands, as a full one or a replica"):
             write()
@@ -151,6 +150,17 @@ def test_a_redis_server_that_refuses_writes_is_reported(redis_server, tmp_path, 
     with pytest.raises(QueueUnavailable, match="doesn't answer"):
         queue.check()
     queue.close()
+
+
+def test_a_redis_server_is_short_of_memory_before_it_refuses_writes(redis_server, tmp_path):
+    queue = Queue(tmp_path, redis_server.url)
+    used = redis_server.call("info", "memory").split("used_memory:")[1].split()[0]
+    for most, expected in ((0, False), (2 * int(used), False), (int(1.2 * int(used)), True)):
+        redis_server.call("config", "set", "maxmemory", str(most))
+        queue.check()
+        assert queue.is_short_of_memory() is expected
+    queue.close()
+    assert Queue(tmp_path).is_short_of_memory() is False
 
 
 def test_a_full_disk_is_reported(tmp_path):

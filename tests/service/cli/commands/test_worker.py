@@ -34,6 +34,7 @@ def test_a_worker_does_what_a_server_without_workers_takes_in(tmp_path):
         counted = httpx2.get(f"http://127.0.0.1:{port}/metrics").text
         assert re.search(r'^ciir_jobs_ended_total\{status="200"\} 1\.0$', counted, re.MULTILINE)
         assert re.search(r"^ciir_workers 1\.0$", counted, re.MULTILINE)
+        assert not re.search(r"^ciir_(http|queue)_", counted, re.MULTILINE)
         assert "ciir_jobs_ended_total{" not in httpx2.get(f"{server.url}/metrics").text
     text = (tmp_path / "worker.log").read_text()
     assert '"message": "1 worker processes take jobs' in text

@@ -38,6 +38,25 @@ def test_the_number_of_ended_jobs_is_limited(service, monkeypatch):
     assert jobs.get(ids[0]) is not None
 
 
+def test_ended_jobs_are_removed_while_the_server_of_the_queue_is_short_of_memory(jobs, monkeypatch):
+    set_clock(monkeypatch, 1000.0)
+    ids = [finish_job(jobs, submit_data(jobs, bytes([number]))).id for number in range(3)]
+    waiting = submit_data(jobs, b"waiting")
+    set_clock(monkeypatch, 1001.0 + module.MIN_KEEP_SECONDS)
+    new = finish_job(jobs, submit_data(jobs, b"new")).id
+    answers = [False, True, True, False]
+    monkeypatch.setattr(jobs.queue, "is_short_of_memory", lambda: answers.pop(0))
+    jobs.sweep()
+    assert all(jobs.get(id_) for id_ in ids)
+    jobs.sweep()
+    assert [jobs.get(id_) is not None for id_ in (*ids, waiting.id, new)].count(False) == 2
+    assert None not in (jobs.get(waiting.id), jobs.get(new))
+    monkeypatch.setattr(jobs.queue, "is_short_of_memory", lambda: True)
+    jobs.sweep()
+    assert [jobs.get(id_) for id_ in ids] == [None] * 3
+    assert jobs.get(new) is not None  # it was used within the last minute
+
+
 def test_unused_jobs_expire(service, monkeypatch):
     jobs = service.open_jobs(keep_seconds=100)
     set_clock(monkeypatch, 1000.0)

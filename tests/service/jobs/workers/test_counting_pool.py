@@ -3,14 +3,14 @@ import threading
 import pytest
 
 from ciir.errors import WorkerDied
-from ciir.service.jobs.job import Problem, Result
+from ciir.service.jobs.job import Problem, Request, Result
 from ciir.service.jobs.workers.counting_pool import CountingPool
 from ciir.service.jobs.workers.task import Hooks, Task
 from ciir.service.metrics import Metrics
 from tests.support.jobs import StandInPool, read_metrics
 
-TASK = Task("id", None, None, None)
-RESULT = Result("png", 123, {"timings_ms": {"total": 3000}, "plan": {"skipped": None}})
+TASK = Task("id", Request("upload.png", {}, None, "upscale"), None, None)
+RESULT = Result("png", 123, {"timings_ms": {"decode": 3000}, "plan": {"skipped": None}})
 
 
 def run(metrics, work):
@@ -32,8 +32,8 @@ def test_outcomes_are_counted_by_status():
         'ciir_jobs_ended_total{status="200"}',
         'ciir_jobs_ended_total{status="415"}',
         'ciir_jobs_ended_total{status="WorkerDied"}',
-        "ciir_job_seconds_count",
+        'ciir_job_seconds_count{kind="upscale"}',
         "ciir_workers_busy",
         "ciir_result_bytes_total",
-        'ciir_stage_seconds_total{stage="total"}',
+        'ciir_stage_seconds_total{stage="decode"}',
     ) == [1, 1, 1, 3, 0, 123, 3]

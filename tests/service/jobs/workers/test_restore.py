@@ -1,13 +1,15 @@
 import os
 import signal
+import threading
 
 import httpx2
 import pytest
 
+from ciir.errors import Cancelled
 from ciir.service.jobs.queue import FILE
 from ciir.service.jobs.workers.restore import restore_jobs
 from tests.support.inputs import EIA_PNG
-from tests.support.jobs import StandInPool, list_files, read_result, submit_data, wait_for_end
+from tests.support.jobs import StandInPool, list_files, read_result, submit_data, wait_for_end, write_double
 from tests.support.servers import find_workers, run_server
 from tests.support.waiting import wait_until
 from tests.support.web import post_file
@@ -32,6 +34,30 @@ def test_without_its_database_an_accepted_job_runs(service, jobs, caplog):
         assert read_result(jobs, job.id) == result
         assert f"job {job.id}: its record was lost; queued again" in caplog.text
     wait_until(lambda: len(list_files(jobs)) == 2)
+
+
+def test_jobs_run_after_redis_has_lost_its_data(service, redis_server):
+    jobs = service.open_jobs(queue=redis_server.url)
+    started, go = threading.Event(), threading.Event()
+
+    def work(task, progress, cancelled):
+        started.set()
+        while not go.wait(0.01):
+            if cancelled.is_set():
+                raise Cancelled
+        return write_double(task, progress, cancelled)
+
+    service.start_consumer(jobs, StandInPool(work))
+    running = submit_data(jobs, b"ab")
+    assert started.wait(30)
+    waiting = submit_data(jobs, b"cd")
+    wait_until(jobs.queue.heartbeats.items)
+    redis_server.call("flushall")
+    assert jobs.get(waiting.id) is None
+    go.set()
+    for job, result in ((running, b"abab"), (waiting, b"cdcd")):
+        wait_until(lambda job=job: (found := jobs.get(job.id)) and found.state == "done")
+        assert read_result(jobs, job.id) == result
 
 
 def test_jobs_that_are_known_are_not_restored(jobs):

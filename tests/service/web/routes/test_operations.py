@@ -83,8 +83,8 @@ def test_metrics(eia, tmp_path):
     assert float(found['ciir_jobs_submitted_total{kind="known"}']) == 1
     assert float(found['ciir_jobs_ended_total{status="200"}']) == 1
     assert float(found['ciir_jobs_ended_total{status="415"}']) == 1
-    assert float(found["ciir_job_seconds_count"]) == 2
-    for stage in ("decode", "plan", "map", "upscale", "encode", "total"):
+    assert float(found['ciir_job_seconds_count{kind="reconstruction"}']) == 2
+    for stage in ("decode", "plan", "map", "upscale", "encode"):
         assert float(found[f'ciir_stage_seconds_total{{stage="{stage}"}}']) > 0
     assert (float(found["ciir_queue_waiting"]), float(found['ciir_queue_jobs{lane="small",state="running"}'])) == (0, 0)
     assert (float(found["ciir_workers"]), float(found["ciir_workers_busy"])) == (2, 0)
