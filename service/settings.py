@@ -143,8 +143,8 @@ class Settings(BaseSettings):
     """Seconds that a finished job and its result, or a file for several requests, are kept after the last request for
     them. At most 50,000 finished jobs and files are kept."""
     keep_bytes: int = _number(2 * 2**30, 0, _MOST)
-    """Maximum bytes of all kept results and files, and of the records of their jobs, together. Those that were requested
-    longest ago are removed first, but none within a minute of its last request."""
+    """Maximum bytes of all kept results, files, and records of jobs together. Those that were requested longest ago are
+    removed first, but none within a minute of its last request."""
 
     # Limits on input and output
 
