@@ -8,7 +8,15 @@
 
 from __future__ import annotations
 
-from ciir.models.catalogue import DEFAULT, Entry, default_name, list_entries, list_names, load_upscaler
+from ciir.models.catalogue import (
+    DEFAULT,
+    Entry,
+    default_name,
+    list_entries,
+    list_names,
+    load_upscaler,
+    picture_default_name,
+)
 from ciir.models.single.pixels import upscale_pixels
 from ciir.models.upscaler import Upscaler
 
@@ -20,5 +28,6 @@ __all__ = [
     "list_entries",
     "list_names",
     "load_upscaler",
+    "picture_default_name",
     "upscale_pixels",
 ]

@@ -67,7 +67,7 @@ def run_demo(
 
     `report_step` is called after each step. Scenes, backend and networks are loaded before the first step is timed.
     """
-    single = catalogue.load_upscaler(catalogue.default_name())
+    single = catalogue.load_upscaler(catalogue.picture_default_name())
     single(np.zeros((1, 3, *LENSES), np.float32))
     catalogue.load_light_field_network(catalogue.light_field_default_name())
     open_backend(backend, rays=LENSES[0] * LENSES[1] * LENSLET_SAMPLES**2)
@@ -91,7 +91,7 @@ def _make(scene: str, backend: Backend, report_step: Callable[[Step], None]) -> 
     report_step(Step(scene, f"mesh of {made['input']['triangles']:,} triangles to EIA", made))
     eia = Bundle.from_upload(f"{scene}.png", eias[0])
     centre = PIXELS[0] // 2, PIXELS[1] // 2
-    single_model = catalogue.default_name()
+    single_model = catalogue.picture_default_name()
     mapped, _ = _reconstruct(eia, Options(lenses=LENSES, model="none"))
     bicubic, _ = _reconstruct(eia, Options(lenses=LENSES, model="bicubic"))
     single, report = _reconstruct(eia, Options(lenses=LENSES, model=single_model))

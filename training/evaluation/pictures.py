@@ -94,7 +94,7 @@ def load_model(model: str, *, scale: int = 2) -> Upscaler:
 
     Raises `ciir.errors.ModelError` if there is no such model, it doesn't upscale by `scale`, or it is for light fields.
     """
-    model = catalogue.default_name() if model == "auto" else model
+    model = catalogue.picture_default_name() if model == "auto" else model
     if model.endswith(".json"):
         card = read_card(Path(model))
         if card.is_light_field:

@@ -29,7 +29,7 @@ def test_demo(small, tmp_path, capsys):
     header, *steps, vase, hamburger, last = capsys.readouterr().out.splitlines()
     assert header.split()[1:] == ["decode", "plan", "render", "map", "upscale", "encode", "total"]
     assert len(steps) == 2 * 4
-    single, default = catalogue.default_name(), catalogue.light_field_default_name()
+    single, default = catalogue.picture_default_name(), catalogue.light_field_default_name()
     for scene, line in (("vase", vase), ("hamburger", hamburger)):
         decibels = r"[+-]\d+\.\d\d dB against"
         made = rf"{scene}: 9 views by {default}, the centre view \d+\.\d\d dB, SSIM 0\.\d{{3}}"

@@ -12,7 +12,7 @@ def test_models(capsys):
     listed = json.loads(capsys.readouterr().out)
     assert [model["name"] for model in listed] == models.list_names()
     assert all(model["name"] in text for model in listed)
-    assert [model["name"] for model in listed if model["default"]] == [models.default_name()]
+    assert [model["name"] for model in listed if model["default"]] == [models.picture_default_name()]
     assert [model["name"] for model in listed if model["takes"] != "a picture"] == [
         "field",
         "field-int8",
