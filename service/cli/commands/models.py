@@ -35,7 +35,7 @@ def _row(model: dict[str, Any]) -> tuple[str, ...]:
     card = model["card"]
     scales = model["scales"]
     listed = str(scales[0]) if len(scales) == 1 else f"{scales[0]} to {scales[-1]}"
-    name = model["name"] + (" (default)" if model["default"] else "")
+    name = model["name"] + (" (for pictures)" if model["default"] else "")
     if card is None:
         return name, listed, model["takes"], "float32", "-", "-", model["kind"]
     scores = ", ".join(f"{score['data']} {score['psnr']:.2f}" for score in card["accuracy"])

@@ -19,7 +19,7 @@ def test_models(capsys):
         "field-quality",
         "field-quality-int8",
     ]
-    assert "model auto, which `ciir reconstruct` uses unless another is named: field for grids of 3x3 views" in text
+    assert "model auto, which `ciir reconstruct` uses unless another is named: field for a mesh" in text
 
 
 def test_models_says_which_are_not_for_this_machine(capsys, monkeypatch):
