@@ -39,8 +39,10 @@ _READ, _DRAW, _SAMPLE = 4e-7, 1.6e-7, 2.5e-7
 """Typical seconds to read a byte, to draw a triangle with OpenGL, and to take a sample of a mesh."""
 _DECODE, _RESAMPLE = 3e-8, 3e-7
 """Typical seconds for a pixel of a picture, and the additional time for a pixel of a raw lenslet picture."""
-_MULTIPLY_ADD, _WRITE, _FRAME = 2e-11, 1e-7, 4e-7
-"""Typical seconds for a network's multiply-add, for a pixel that is written, and for a pixel of a video's frame."""
+_MULTIPLY_ADD, _INT8_SHARE = 2e-11, 0.3
+"""Typical seconds for a network's multiply-add in float, and the share of it in int8."""
+_WRITE, _FRAME = 1e-7, 4e-7
+"""Typical seconds for a pixel that is written, and for a pixel of a video's frame."""
 _SHIFT, _MATCH, _MODEL = 1e-8, 2e-5, 1.5e-6
 """Typical seconds for a view's pixel in a depth plane, for a pixel of a disparity map, and for a view's pixel in a
 model."""
@@ -89,7 +91,7 @@ def estimate_seconds(request: Request, content: Content) -> float:
     if request.kind == "inspection":
         return read
     if request.kind == "upscale":
-        return read + (pixels or 0) * options.scale**2 * _price_pixel(options.model, catalogue.DEFAULT)
+        return read + (pixels or 0) * options.scale**2 * _price_pixel(options.model, catalogue.FALLBACK)
     if request.kind == "display":
         larger = 0 if pixels is None or options.model == NO_MODEL else pixels * options.scale**2
         upscaled = larger * _price_pixel(options.model, catalogue.LIGHT_FIELD_DEFAULT)
@@ -139,10 +141,13 @@ def _find_array(options: Options, content: Content) -> tuple[float, float]:
 
 
 def _price_pixel(model: str, default: str) -> float:
-    """Returns the seconds for an output pixel with `model`; `auto` counts as `default`."""
+    """Returns the seconds for an output pixel with `model`; `auto` counts as `default`, or its int8 twin."""
     cards = {entry.name: entry.card for entry in catalogue.list_entries()}
-    card = None if model == NO_MODEL else cards.get(model, cards[default])
-    return _WRITE + (0 if card is None else card.macs_per_output_pixel * _MULTIPLY_ADD)
+    card = None if model == NO_MODEL else cards.get(model, cards[catalogue.prefer_int8(default)])
+    if card is None:
+        return _WRITE
+    share = _INT8_SHARE if card.precision == "int8" else 1.0
+    return _WRITE + card.macs_per_output_pixel * _MULTIPLY_ADD * share
 
 
 def measure(file: BinaryIO) -> Content:

@@ -3,6 +3,7 @@ import zipfile
 
 import pytest
 
+from ciir.models import processor
 from ciir.service.jobs import lanes
 from ciir.service.jobs.job import Request
 from ciir.service.jobs.lanes import Content, choose_lane, measure, order_lanes
@@ -83,8 +84,8 @@ def test_the_lane_of_elemental_images(options, expected):
         ({"model": "quality", "skip": "none"}, 3900, "large"),
         ({"model": "quality"}, 450, "small"),
         ({"model": "quality"}, 600, "large"),
-        ({}, 600, "small"),
-        ({}, 1000, "large"),
+        ({"model": "quality-int8"}, 800, "small"),
+        ({"model": "quality-int8"}, 1000, "large"),
         ({"model": "bicubic"}, 1000, "small"),
         ({"model": "bicubic", "scale": "8"}, 1000, "large"),
     ],
@@ -92,6 +93,12 @@ def test_the_lane_of_elemental_images(options, expected):
 def test_pictures_count_by_their_pixels_and_the_model(options, side, expected):
     request = Request("upload.png", options, None, "upscale")
     assert choose_lane(request, io.BytesIO(make_png_header(side, side))) == expected
+
+
+@pytest.mark.parametrize(("reason", "expected"), [("", "small"), ("no VNNI", "large")])
+def test_pictures_count_as_those_of_the_default_that_runs_here(monkeypatch, reason, expected):
+    monkeypatch.setattr(processor, "int8_unsupported_reason", lambda: reason)
+    assert choose_lane(Request("upload.png", {}, None, "upscale"), io.BytesIO(make_png_header(600, 600))) == expected
 
 
 @pytest.mark.parametrize(
