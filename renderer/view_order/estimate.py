@@ -9,7 +9,7 @@ no disparity shows.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ciir.renderer.view_order.evidence import Order, Plane
-    from ciir.renderer.view_order.tiles import Views
+    from ciir.renderer.view_order.tiles import Pixels, Views
 
 
 SWEEPS = ((1, 2), (1, 1), (4, 1), (1, 3))
@@ -48,6 +48,10 @@ fields in the right order, parts of captured ones and rendered ones, half of the
 With slopes, of 1,044 captured cases in three orders 885 are certain, all of them right."""
 LIKELY_VOTES, LIKELY_SHARE = 3, 0.7
 """The same numbers from which on an order is likely."""
+BLOCK_SIDE = 3
+CORNERS = slice(BLOCK_SIDE), slice(-BLOCK_SIDE, None)
+"""Views along each side of the blocks in two corners of the grid that can contradict a wrong order, and their rows and
+columns."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,8 @@ class OrderEstimate:
     """Number of tiles that vote."""
     is_serpentine: bool = False
     """Whether every other row of views is reversed; `order` is then their order once that is corrected."""
+    is_contradicted: bool = False
+    """Whether only views around the centre are in this wrong order, because some were exchanged."""
 
     def put_right(self, views: NDArray[Any]) -> NDArray[Any]:
         """Returns `views`, whose first two axes are the rows and columns of views in this order, in the right order. If
@@ -78,15 +84,28 @@ class OrderEstimate:
             return self.order
         return "reversed in every other row" + (f" and {self.order}" if self.order != ORDERS[0] else "")
 
+    def count_right(self) -> int:
+        """Counts the tiles that vote for the given order; 0 if most vote for another."""
+        return self.votes if str(self) == ORDERS[0] else 0
+
     @property
     def is_certain(self) -> bool:
         """Whether views may be reordered because of it."""
-        return self.votes >= max(CERTAIN_VOTES, CERTAIN_SHARE * self.of)
+        return self.votes >= max(CERTAIN_VOTES, CERTAIN_SHARE * self.of) and not self.is_contradicted
 
     @property
     def is_likely(self) -> bool:
         """Whether a note should be written."""
-        return self.votes >= max(LIKELY_VOTES, LIKELY_SHARE * self.of)
+        return self.votes >= max(LIKELY_VOTES, LIKELY_SHARE * self.of) and not self.is_contradicted
+
+    def describe_contradiction(self) -> str:
+        """Returns a note on views of which only some are in a wrong order; empty if there are none."""
+        if not self.is_contradicted:
+            return ""
+        return (
+            f"order: around the centre the views seem to be {self}, but at the corners of the grid they don't; some "
+            "seem to be exchanged, and all are left as they are: put them in order"
+        )
 
     @property
     def is_wrong(self) -> bool:
@@ -108,8 +127,46 @@ def estimate_order(views: Views) -> OrderEstimate:
     or 32 if the grid has an even number of columns.
 
     The order is `as given` if nothing can be said: for a grid of less than 3x3, for small pictures or those without
-    texture, and if content hardly moves.
+    texture, and if content hardly moves. A certain wrong order must put blocks in two corners of the grid right too. In
+    a grid of 3x3 there are no other blocks, and every view has been looked at.
     """
+    found = _estimate_around_center(views)
+    return replace(found, is_contradicted=True) if found.is_wrong and _is_contradicted(views, found) else found
+
+
+def _is_contradicted(views: Views, found: OrderEstimate) -> bool:
+    """Returns whether two corners of the grid of `views` show less of a light field in the order that `found` would
+    make than in the given one.
+    """
+    given = np.moveaxis(np.indices(views.shape[:2]), 0, -1)
+    if max(given.shape[:2]) == BLOCK_SIDE:
+        return False
+    right, as_given = (
+        sum(_estimate_around_center(_Block(views, grid[part, part])).count_right() for part in CORNERS)
+        for grid in (found.put_right(given), given)
+    )
+    return right < as_given
+
+
+@dataclass(frozen=True)
+class _Block:
+    """Some of the views of a light field, in an order of their own."""
+
+    views: Views
+    given: NDArray[np.intp]
+    """Row and column of each view in `views`, `(V, U, 2)`."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return (*self.given.shape[:2], *self.views.shape[2:])
+
+    def __getitem__(self, view: tuple[int, int]) -> Pixels:
+        v, u = self.given[view]
+        return self.views[int(v), int(u)]
+
+
+def _estimate_around_center(views: Views) -> OrderEstimate:
+    """Does what `estimate_order` does, but looks only at views around the centre."""
     largest = (min(views.shape[:2]) - 1) // 2
     unused = count_unused_bits(views[center_view(*views.shape[:2])]) if largest else 0
     crop = crop_middle(views)

@@ -135,7 +135,11 @@ def note_asked(views: Views, layout: Layout) -> Views:
 
 
 def add_note(views: Views, found: OrderEstimate, layout: Layout) -> Views:
-    """Returns the views as they are. If they may be wrong, a note names the options that would put them right."""
+    """Returns the views as they are. If they may be wrong, a note names the options that would put them right, if there
+    are any.
+    """
+    if contradiction := found.describe_contradiction():
+        return replace(views, notes=(*views.notes, contradiction), is_ordered=True)
     if not found.is_likely or str(found) == "as given":
         return replace(views, is_ordered=True)
     verb = "seem to be" if found.is_wrong else "may be"

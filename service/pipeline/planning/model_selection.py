@@ -136,10 +136,10 @@ def _too_few_views(job: Job) -> str:
 
 
 def _describe_wrong_order(job: Job) -> str:
-    """Returns the note on views that are certainly in a wrong order; empty if they are not."""
+    """Returns the note on views that are certainly in a wrong order, all or some of them; empty if they are not."""
     order = job.order
     if order is None or not order.is_wrong:
-        return ""
+        return "" if order is None else order.describe_contradiction()
     return (
         f"order: the views seem to be {order}, which fits {order.votes} of {order.of} textured tiles: each view is "
         "upscaled with its neighbours in the right order, and written where it was; if the order is right, give order "

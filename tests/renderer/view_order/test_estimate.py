@@ -99,6 +99,34 @@ def test_different_steps_down_and_across_are_not_taken_for_another_order():
     assert not estimate_order(views).is_wrong
 
 
+def exchange(views, one, other):
+    """Views of which two are exchanged."""
+    changed = views.copy()
+    changed[one], changed[other] = views[other], views[one]
+    return changed
+
+
+@pytest.mark.parametrize("grid", [(5, 5), (4, 5), (9, 9), (3, 7)])
+def test_two_views_that_are_exchanged_do_not_reorder_the_others(grid):
+    v, u = (count // 2 for count in grid)
+    found = estimate_order(exchange(make_views(grid), (v, u - 1), (v, u + 1)))
+    assert (found.is_wrong, found.is_likely, found.is_contradicted) == (False, False, True)
+    assert found.describe_contradiction().startswith("order: around the centre the views seem to be reversed in every ")
+    assert estimate_order(make_views(grid)).describe_contradiction() == ""
+
+
+@pytest.mark.parametrize("order", ORDERS[1:])
+def test_a_wrong_order_in_which_two_views_are_exchanged_is_found(order):
+    found = estimate_order(put_in(order, exchange(make_views(), (0, 0), (0, 1))))
+    assert (found.order, found.is_wrong) == (order, True)
+
+
+def test_rows_of_3x3_views_of_which_every_other_is_reversed_are_put_right():
+    """There are no corners to compare: all views are looked at, and both readings of their order are the same."""
+    found = estimate_order(exchange(make_views((3, 3)), (1, 0), (1, 2)))
+    assert (found.is_serpentine, found.is_wrong) == (True, True)
+
+
 @pytest.mark.parametrize(
     ("folder", "pattern", "grid"),
     [

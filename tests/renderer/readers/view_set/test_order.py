@@ -97,6 +97,14 @@ def test_views_in_the_right_order_or_in_none_that_shows_are_left_as_they_are():
         assert np.array_equal(field.views, views)
 
 
+def test_exchanged_views_are_noted_and_stay_where_they_are():
+    views = make_views()
+    views[2, [1, 3]] = views[2, [3, 1]]
+    field = read(write_views(views, lambda v, u: f"{v}_{u}.png"))
+    assert np.array_equal(field.views, views)
+    assert "some seem to be exchanged, and all are left as they are" in field.notes[1]
+
+
 def test_an_order_that_is_likely_is_noted(monkeypatch):
     monkeypatch.setattr(estimate, "CERTAIN_VOTES", 1000)
     views = make_views()[::-1]

@@ -130,6 +130,13 @@ def test_views_in_a_wrong_order_are_noted(stand_in, order):
     assert (choose("bicubic").model, choose("bicubic").note) == ("bicubic", "")
 
 
+def test_exchanged_views_are_noted(stand_in):
+    views = make_views()
+    views[2, [1, 3]] = views[2, [3, 1]]
+    note = select_model(resolve_job("a.png", LightField(views), Options(), max_views=25)).note
+    assert note.startswith("order: around the centre the views seem to be reversed in every other row")
+
+
 def test_a_light_field_network_that_is_named_has_the_views_around_rendered(stand_in):
     choice = mesh(LIGHT_FIELD_DEFAULT, wanted=[(0, 0), (0, 1)])
     assert (choice.model, choice.is_light_field) == (LIGHT_FIELD_DEFAULT, True)
