@@ -2,7 +2,7 @@
 
 A camera of 10 or 12 bits fills only part of the 16-bit range. Networks were trained on pictures that fill the range,
 and are up to 10 dB worse on such dark pictures. So levels are multiplied by a power of two before a network, and
-divided by it afterwards.
+divided by it afterwards. Dark pictures of 8 bits are treated in the same way.
 """
 
 from __future__ import annotations
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 BITS = 16
 LEAST = 8
 """The number of bits that always count as used: a picture with fewer is dark."""
+DARK = 2
+"""Fewest unused bits of 8 for which an 8-bit picture is raised before a network. Without this, light-field networks
+smear views with levels up to 31, which come out up to 8 dB worse than interpolated."""
 
 
 def count_unused_bits(*pictures: NDArray[Any]) -> int:
@@ -30,6 +33,17 @@ def count_unused_bits(*pictures: NDArray[Any]) -> int:
         return 0
     largest = max((int(_colours(picture).max()) for picture in pictures if picture.size), default=0)
     return BITS - max(LEAST, largest.bit_length())
+
+
+def count_raised_bits(*pictures: NDArray[Any]) -> int:
+    """Counts the bits by which `pictures` `(..., C)` are raised before a network: those of `count_unused_bits`, and for
+    dark 8-bit pictures all upper bits that no pixel uses, if they are `DARK` or more.
+    """
+    if pictures[0].dtype != np.uint8:
+        return count_unused_bits(*pictures)
+    largest = max((int(_colours(picture).max()) for picture in pictures if picture.size), default=0)
+    unused = 8 - max(1, largest.bit_length())
+    return unused if unused >= DARK else 0
 
 
 def count_unused_camera_bits(*pictures: NDArray[Any]) -> int:
@@ -53,8 +67,9 @@ def raise_levels(picture: NDArray[Any], unused: int) -> NDArray[Any]:
 def lower_levels(picture: NDArray[Any], unused: int) -> NDArray[Any]:
     """Undoes `raise_levels` in place, rounding to the nearest level."""
     if unused:
-        colours, half = _colours(picture), np.uint16(2 ** (unused - 1))
-        np.minimum(colours, np.uint16(2**BITS - 1) - half, out=colours)  # so that adding half a level doesn't overflow
+        colours, half = _colours(picture), picture.dtype.type(2 ** (unused - 1))
+        largest = picture.dtype.type(np.iinfo(picture.dtype).max)
+        np.minimum(colours, largest - half, out=colours)  # so that adding half a level doesn't overflow
         colours += half
         colours >>= unused
     return picture

@@ -4,8 +4,9 @@ All combinations would be too many, so factors vary around the middle view of a 
 
 - degradation x grid (3x3, 5x5, 9x9, all views) x view (middle, edge, corner);
 - degradation x one of noise (sigma 2, 5), JPEG (90, 75) and order (reversed, transposed) x view (middle, corner);
-- for box only: noise and JPEG together; order with noise, order with JPEG; noise, JPEG and order on 3x3; order on up to
-  9x9; JPEG of the elemental image array that up to 9x9 views make (quality 90, 75; middle, corner).
+- for box only: two views exchanged; all views moved; noise and JPEG together; order with noise, order with JPEG; noise,
+  JPEG and order on 3x3; order on up to 9x9; JPEG of the elemental image array that up to 9x9 views make (quality 90,
+  75; middle, corner).
 
 Views are cropped to their middle before they are degraded (`training.data.downscale`). The truth is the view as it was
 read. JPEG compresses each view, or the whole elemental image array if the input is one.
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     from ciir.renderer.views import View
     from ciir.service.pipeline.source import Source
 
-Order = Literal["right", "reversed", "transposed"]
+Order = Literal["right", "reversed", "transposed", "exchanged", "moved"]
 
 GRIDS = (3, 5, 9)
 PLACES = ("middle", "edge", "corner")
@@ -45,6 +46,8 @@ QUALITIES = (90, 75)
 """JPEG qualities, with chroma at half size."""
 ORDERS: tuple[Order, ...] = ("reversed", "transposed")
 """Wrong orders of views: rows from the bottom; rows and columns exchanged."""
+ERRORS: tuple[Order, ...] = ("exchanged", "moved")
+"""Errors in the views' places: those beside the middle one are exchanged; each is moved by up to half an LR pixel."""
 SIDE = 128
 """Largest side of a low-resolution view, in pixels; larger views are cropped to their middle."""
 LEAST = 32
@@ -114,6 +117,8 @@ def list_variations(counts: tuple[int, int], *, is_array: bool = False, quick: b
         found += [*(replace(plain, order=order) for order in ORDERS), replace(interleaved, jpeg=QUALITIES[-1])]
     else:
         small = replace(plain, grid=grids[0])
+        if min(base) >= GRIDS[0]:
+            found += [replace(plain, place=place, order=order) for place in ("middle", "corner") for order in ERRORS]
         found += [replace(plain, noise=sigma, jpeg=quality) for sigma, quality in zip(SIGMAS, QUALITIES, strict=True)]
         found += [replace(small, noise=SIGMAS[-1]), replace(small, jpeg=QUALITIES[-1])]
         found += [replace(one, order=order) for one in (small, replace(plain, grid=widest)) for order in ORDERS]
@@ -128,11 +133,14 @@ def list_variations(counts: tuple[int, int], *, is_array: bool = False, quick: b
 def list_cases(name: str, views: Views, variations: Sequence[Variation]) -> Iterator[Case]:
     """Yields the cases of the light field `views`, which the input `name` holds."""
     for kind in dict.fromkeys(one.degradation for one in variations):
-        low, high = degrade_views(crop_views(views, kind), kind, SCALE)
+        cropped = crop_views(views, kind)
+        pairs = {"right": degrade_views(cropped, kind, SCALE)}
+        if any(one.order == "moved" for one in variations if one.degradation == kind):
+            pairs["moved"] = degrade_views(move_views(cropped, np.random.default_rng(0)), kind, SCALE)
         for number, one in enumerate(variations):
             if one.degradation != kind:
                 continue
-            part, true = (_take_middle(of, one.grid) for of in (low, high))
+            part, true = (_take_middle(of, one.grid) for of in pairs.get(one.order, pairs["right"]))
             arranged, at = arrange_views(part, one.view, one.order)
             made = corrupt_views(arranged, one, np.random.default_rng(number))
             yield Case(
@@ -163,9 +171,21 @@ def _take_middle(views: Views, grid: tuple[int, int]) -> Views:
 
 def arrange_views(views: Views, view: View, order: Order) -> tuple[Views, View]:
     """Returns the views in `order`, and the position of `view` among them."""
+    if order == "exchanged":
+        v, u = (count // 2 for count in views.shape[:2])
+        views = views.copy()
+        views[v, [u - 1, u + 1]] = views[v, [u + 1, u - 1]]
     if order == "reversed":
         return views[::-1], (len(views) - 1 - view[0], view[1])
     return (views.swapaxes(0, 1), (view[1], view[0])) if order == "transposed" else (views, view)
+
+
+def move_views(views: Views, random: np.random.Generator) -> Views:
+    """Returns the views, each moved by -1, 0 or 1 pixels along both axes. Beyond its edge a view is repeated."""
+    moved = np.empty_like(views)
+    for view in np.ndindex(views.shape[:2]):
+        moved[view] = np.roll(views[view], random.integers(-1, 2, 2), (0, 1))
+    return moved
 
 
 def corrupt_views(views: Views, variation: Variation, random: np.random.Generator) -> LightField:

@@ -26,6 +26,11 @@ MINIMUM_FALLBACK_SHARE = 0.15
 """The fallback is used if its share of a view, because of low confidence, is larger than this. Silhouettes always need
 some. Below this share the fallback gains nothing (-0.002 dB on average over 245 views of the harm benchmark) and takes
 half of the time."""
+LARGEST_MISALIGNMENT = 0.29
+"""Mean distance, LR pixels, of a view's direct neighbours from where they should be, above which the fallback makes the
+whole view. In captured and rendered light fields it is up to 0.08, also with noise and in JPEGs, and up to 0.289 in the
+289 views that a gantry took with small errors. If each view is moved by up to 0.5 pixels along both axes it is 0.25 to
+0.7, and the light-field network is worse than the fallback from about 0.25 on."""
 SURROUNDED, MOST = 0.3, 0.45
 """The fallback's share in the mean that replaces a filtered view. The first is for views with two others on each side.
 The second is for all others, for which the light-field network is weaker. On five views of each of three captured light
@@ -45,6 +50,13 @@ class Finishing(NamedTuple):
     """How the view appears to have been sampled; None if that is unknown."""
     disparities: Range = Range(0.0, 0.0)
     """The range of its disparities, LR pixels from one view of its window to the next."""
+    misalignment: float = 0.0
+    """How far its direct neighbours are from where they should be, LR pixels."""
+
+    @property
+    def is_misaligned(self) -> bool:
+        """Whether the fallback made the view because its neighbours are not where they should be."""
+        return self.misalignment > LARGEST_MISALIGNMENT
 
     @property
     def is_averaged(self) -> bool:
@@ -66,9 +78,12 @@ def finish_view(
     *,
     is_surrounded: bool,
     disparities: Range,
+    misalignment: float,
 ) -> Finishing:
     """Changes `picture` `(scale*H, scale*W, C)`, 16 bits, in place. A light-field network made it from `small`
     `(H, W, C)`, 8 or 16 bits.
+
+    A `misalignment` over `LARGEST_MISALIGNMENT` replaces it by the fallback's picture, and nothing else is done.
 
     Between `CONFIDENT` and `UNCERTAIN` of `uncertainty` `(H, W)` it is blended with the fallback's picture, if that
     would make up more than `MINIMUM_FALLBACK_SHARE` of the view. If the view was downscaled with an antialiasing
@@ -76,11 +91,15 @@ def finish_view(
     (`models.back_projection.restore_luma`). `upscale_alone` makes the fallback's picture. `is_surrounded`: whether
     there are two views on each side. `disparities`: the range that was measured in the view, for the result.
     """
+    finishing = Finishing(1.0, disparities=disparities, misalignment=misalignment)
+    if finishing.is_misaligned:
+        picture[...] = upscale_alone()
+        return finishing
     weight = np.clip((uncertainty - CONFIDENT) / (UNCERTAIN - CONFIDENT), 0, 1)
     if np.mean(weight) <= MINIMUM_FALLBACK_SHARE:
         weight[:] = 0
     share = float(np.mean(weight > 0.5))
-    finishing = Finishing(share, sampling=sampling, disparities=disparities)
+    finishing = finishing._replace(fallback=share, sampling=sampling)
     if sampling and finishing.is_averaged:
         most = SURROUNDED if is_surrounded else MOST
         np.maximum(weight, np.float32(most * sampling.likeness), out=weight)

@@ -66,6 +66,8 @@ class Output(NamedTuple):
     """`(R, C)` each, from `measure_shifts`. They determine which run fills which part."""
     ranges: Sequence[Range]
     """The ranges of the disparities that remain after the shifts."""
+    misalignments: Sequence[float]
+    """How far the views' direct neighbours are from where they should be, LR pixels (`ranges.Tiles`)."""
 
     def find_range(self, number: int) -> Range:
         """Finds the range of a view's disparities, including its shifts."""
@@ -92,15 +94,18 @@ def run_network(job: Job, wanted: Sequence[View]) -> Output:
     return output
 
 
-def _measure_disparities(job: Job, wanted: Sequence[View]) -> tuple[list[NDArray[np.int64]], list[Range]]:
-    """Measures the shifts of each view's tiles, and the range of the disparities that remain after them."""
+def _measure_disparities(job: Job, wanted: Sequence[View]) -> tuple[list[NDArray[np.int64]], list[Range], list[float]]:
+    """Measures the shifts of each view's tiles, the range of the disparities that remain after them, and its
+    misalignment.
+    """
     if job.disparities is not None:
         height, width, _ = job.views[wanted[0]].shape
-        return [make_no_shifts(height, width) for _ in wanted], [job.disparities] * len(wanted)
+        count = len(wanted)
+        return [make_no_shifts(height, width) for _ in wanted], [job.disparities] * count, [0.0] * count
     beside = (other for view in wanted for (other,) in list_neighbours([view], job.grid).values())
     lumas = {view: crop_luma(job.views[view]) for view in {*wanted, *beside}}
     shifts = measure_shifts(lumas, wanted, job.grid)
-    return shifts, measure_ranges(lumas, wanted, job.grid, shifts)
+    return shifts, *measure_ranges(lumas, wanted, job.grid, shifts)
 
 
 def _fill_background(job: Job, view: View, output: Output, number: int) -> Pixels | None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.bit_depth import count_unused_bits, lower_levels, raise_levels, round_to_depth
+from ciir.bit_depth import count_raised_bits, lower_levels, raise_levels, round_to_depth
 from ciir.errors import InvalidImage
 from ciir.models.light_field.finishing import Finishing, finish_view
 from ciir.models.light_field.runner import Job, run_network
@@ -46,7 +46,8 @@ def upscale_views(
     `views`: (v, u) -> `(H, W, C)`, grey or RGB, 8 or 16 bit, all of one shape and type; at least those of
     `list_required_views`. `fallback`: a single-picture model of the same scale. `skip`: whether to skip uniform and
     repeated parts (`models.light_field.skipping`), which doesn't change the result. `statistics`: the counts that the
-    pixels are added to. `finds_sampling`: whether to find how views were sampled and finish them accordingly.
+    pixels are added to. `finds_sampling`: whether to find how views were sampled, and whether they are misaligned, and
+    finish them accordingly.
     `disparities`: the range of all content, pixels from one view to the next, at most `ranges.FARTHEST` in either
     direction; None to measure it.
 
@@ -59,18 +60,19 @@ def upscale_views(
     network runs once for each shift, on boxes around the parts that have it. Its planes are spread over the range of
     the disparities that remain in a view (`models.light_field.disparities`). The result for a view doesn't depend on
     which others are wanted. Large views are upscaled in tiles, all views of one tile after another, to save memory.
-    16-bit levels that use fewer bits are multiplied by a power of two beforehand and divided by it afterwards
-    (`ciir.bit_depth`).
+    16-bit levels that use fewer bits, and dark 8-bit ones, are multiplied by a power of two beforehand and divided by
+    it afterwards (`ciir.bit_depth`).
 
     Raises `InvalidImage` if the views differ in shape or type, or have alpha or another number of channels.
     """
     required = list_required_views(wanted, grid)
     _check_views(views, wanted[0], required)
     statistics = SkipStatistics() if statistics is None else statistics
-    bits = {view: count_unused_bits(views[view]) for view in required}
+    count_bits = cache(lambda view: count_raised_bits(views[view]))
     by_bits: dict[int, list[int]] = {}
     for number, view in enumerate(wanted):
-        by_bits.setdefault(min(bits[other] for other, _ in list_window(view, grid)), []).append(number)
+        unused = count_bits(view) and min(count_bits(other) for other, _ in list_window(view, grid))
+        by_bits.setdefault(unused, []).append(number)
     made = []
     for unused, numbers in by_bits.items():
         some = [wanted[number] for number in numbers]
@@ -127,6 +129,7 @@ def _upscale_distinct(
             alone,
             is_surrounded=surrounded,
             disparities=output.find_range(number),
+            misalignment=output.misalignments[number] if finds_sampling else 0.0,
         )
         made.append(finishing)
     return output.pictures, made

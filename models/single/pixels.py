@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from ciir.bit_depth import count_unused_bits, lower_levels, raise_levels
+from ciir.bit_depth import count_raised_bits, lower_levels, raise_levels
 from ciir.errors import InvalidImage
 from ciir.models import tiles
 from ciir.models.single import skipping
@@ -41,10 +41,11 @@ def upscale_pixels(
     where it was flat: where a pixel and its eight neighbours are all clear or all opaque, so is the result. Clear
     pixels come out black.
 
-    For a network, 16-bit colours that use fewer bits are multiplied by a power of two beforehand and divided by it
-    afterwards (`ciir.bit_depth`). `skip`: whether to skip uniform and repeated parts (`models.single.skipping`), which
-    doesn't change the result. `statistics`: the counts that the pixels are added to. `keeps_fractions`: whether 8-bit
-    pictures come out in 16 bits, with 257 times the levels, because they are rounded later.
+    For a network, 16-bit colours that use fewer bits, and dark 8-bit ones, are multiplied by a power of two beforehand
+    and divided by it afterwards (`ciir.bit_depth`). `skip`: whether to skip uniform and repeated parts
+    (`models.single.skipping`), which doesn't change the result. `statistics`: the counts that the pixels are added to.
+    `keeps_fractions`: whether 8-bit pictures come out in 16 bits, with 257 times the levels, because they are rounded
+    later.
 
     Raises `InvalidImage` if the array has another shape or type.
     """
@@ -53,7 +54,7 @@ def upscale_pixels(
     if pictures.dtype not in (np.uint8, np.uint16):
         raise InvalidImage(f"pictures of type {pictures.dtype}: give 8 or 16 bit unsigned integers")
     is_network = hasattr(upscaler, "card")  # interpolation has none, and is the same at all levels
-    unused = [count_unused_bits(picture) if is_network else 0 for picture in pictures]
+    unused = [count_raised_bits(picture) if is_network else 0 for picture in pictures]
     if any(unused):
         pictures = np.stack([raise_levels(picture, bits) for picture, bits in zip(pictures, unused, strict=True)])
     depth = np.dtype(np.uint16) if keeps_fractions else pictures.dtype

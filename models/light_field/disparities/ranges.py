@@ -1,8 +1,9 @@
-"""Ranges of the disparities in a light field's views, over which a network's planes are spread.
+"""Ranges of the disparities in a light field's views, over which a network's planes are spread, and how far views are
+from where they should be.
 
-The range is measured on the textured tiles of a view. Each is compared with the view's direct neighbours, starting from
-the best of three whole disparities and refined to a fraction of a pixel by least squares on its gradient (Lucas and
-Kanade, IJCAI 1981).
+Both are measured on the textured tiles of a view. Each is compared with the view's direct neighbours, starting from the
+best of three whole disparities and refined to a fraction of a pixel by least squares on its gradient (Lucas and Kanade,
+IJCAI 1981). What a neighbour is moved by besides, in most tiles, is its misalignment.
 """
 
 from __future__ import annotations
@@ -37,6 +38,9 @@ SPREAD = (0.7548776662466927, 0.5698402909980532)
 square of that)."""
 LEAST_TILES = 8
 """Fewest tiles with a precise disparity from which a range is measured."""
+LEAST_TEXTURED = 24
+"""Fewest tiles textured along both axes from which a misalignment is measured: fewer mislead in renderings of shiny
+meshes."""
 WHOLE = (-1, 0, 1)
 """The disparities, relative to a tile's shift, that are refined."""
 REFINED = 0.75
@@ -53,6 +57,15 @@ INNER = 2
 """Pixels on each side of a tile that its gradient needs."""
 
 
+class Tiles(NamedTuple):
+    """What the tiles of a view show."""
+
+    disparities: Floats
+    """The disparities minus the view's shifts of those tiles that have a precise one."""
+    misalignment: float
+    """The mean distance, pixels, of the direct neighbours from where they should be; 0 if too few tiles show it."""
+
+
 class _Fit(NamedTuple):
     """Sums over tiles, which determine the disparity with the least squared difference."""
 
@@ -62,6 +75,11 @@ class _Fit(NamedTuple):
     """Sums of the gradient times the difference between views, for each of `WHOLE`, `(3, n)`."""
     differences: Floats
     """Sums of the squared difference, `(3, n)`."""
+    by_axis: Floats
+    """Sums of the squared gradient down, that across, and the product of both, `(3, n)`."""
+    by_neighbour: Mapping[View, Floats]
+    """Sums of the gradient down, and of that across, times the difference from one neighbour, by its offset and for
+    each of `WHOLE`, `(3, 2, n)`."""
     pixels: int
     """The number of pixels in each sum."""
 
@@ -71,23 +89,25 @@ def measure_ranges(
     wanted: Sequence[View],
     grid: tuple[int, int],
     shifts: Sequence[NDArray[np.int64]],
-) -> list[Range]:
+) -> tuple[list[Range], list[float]]:
     """Measures, for each view of `wanted` in a grid of `grid` views, the range of its tiles' disparities minus their
-    `shifts`. These, `(R, C)` each, and `lumas` are as for `models.light_field.disparities.shifts.measure_shifts`.
+    `shifts`, and its misalignment (`Tiles`). The `shifts`, `(R, C)` each, and `lumas` are as for
+    `models.light_field.disparities.shifts.measure_shifts`.
 
     The range is `UNKNOWN` if too few tiles have texture, or views don't match. Only the direct neighbours, up to four,
     are compared. From one view to the next, content moves by the disparity towards larger coordinates. A view's range
     doesn't depend on which others are wanted.
     """
     if shifts[0].size < LEAST_TILES:
-        return [UNKNOWN] * len(wanted)
+        return [UNKNOWN] * len(wanted), [0.0] * len(wanted)
     tiles = np.stack(_select_tiles(*shifts[0].shape))
     known = {view: own[*tiles] for view, own in zip(wanted, shifts, strict=True)}
     found = {}
     for group in group_by_neighbours(wanted, grid, max(1, TILES_AT_ONCE // tiles.shape[1])):
         for view, some in zip(group, estimate_tiles(lumas, group, grid, tiles, [known[v] for v in group]), strict=True):
-            found[view] = UNKNOWN if len(some) < LEAST_TILES else _enclose(some)
-    return [found[view] for view in wanted]
+            is_known = len(some.disparities) >= LEAST_TILES
+            found[view] = (_enclose(some.disparities) if is_known else UNKNOWN), some.misalignment
+    return [found[view][0] for view in wanted], [found[view][1] for view in wanted]
 
 
 def _select_tiles(down: int, across: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -106,9 +126,9 @@ def estimate_tiles(
     grid: tuple[int, int],
     tiles: NDArray[np.int64],
     shifts: Sequence[NDArray[np.int64]],
-) -> Iterator[Floats]:
-    """Yields, for each view of a `group` of `group_by_neighbours`, the disparities minus its `shifts` `(n,)` of those
-    `tiles` `(2, n)`, rows and columns, whose disparity is precise.
+) -> Iterator[Tiles]:
+    """Yields what `tiles` `(2, n)`, rows and columns, show for each view of a `group` of `group_by_neighbours`, whose
+    `shifts` `(n,)` are given.
     """
     fit = _compare_tiles(lumas, group, grid, tiles * SHIFT_TILE, np.concatenate(shifts))
     squares = np.maximum(fit.squares, np.finfo(np.float32).tiny)
@@ -119,8 +139,32 @@ def estimate_tiles(
     is_precise = variance < PRECISION**2 * squares
     is_precise &= squares > TEXTURE**2 * fit.pixels
     disparities: Floats = np.array(WHOLE, np.float32)[best[0]] + refined[best]
-    for own, kept in zip(np.split(disparities, len(group)), np.split(is_precise, len(group)), strict=True):
-        yield own[kept]
+    is_textured = fit.by_axis[:2].min(axis=0) > TEXTURE**2 * SHIFT_TILE**2  # along both axes
+    for number in range(len(group)):
+        part = slice(number * tiles.shape[1], (number + 1) * tiles.shape[1])
+        shown = part.start + np.flatnonzero(is_textured[part])
+        misalignment = 0.0
+        if len(shown) >= LEAST_TEXTURED and fit.by_neighbour:
+            misalignment = _measure_misalignment(fit, shown, best[0][shown], refined[best][shown])
+        yield Tiles(disparities[part][is_precise[part]], misalignment)
+
+
+def _measure_misalignment(fit: _Fit, tiles: NDArray[np.intp], whole: NDArray[np.intp], refined: Floats) -> float:
+    """Returns the mean distance of a view's neighbours from where its disparity moves them. The distance of each is the
+    median of `tiles` `(m,)` down, and that across. `whole`: which of `WHOLE` their disparities have. `refined`: the
+    rest of their disparities.
+    """
+    by_axis, rests = fit.by_axis[:, tiles], []
+    for offset, sums in fit.by_neighbour.items():
+        axis, known = (0 if offset[0] else 1), sum(offset) * refined
+        rest = sums[whole, :, tiles].T  # (2, m)
+        rest[1 - axis] -= known * by_axis[2]
+        rest /= by_axis[:2]
+        rest[axis] -= known
+        rests.append(rest)
+    middle = len(tiles) // 2
+    medians = np.partition(rests, middle, axis=2)[..., middle]  # several times as fast as np.median
+    return float(np.hypot(*medians.T).mean())
 
 
 def _compare_tiles(
@@ -137,6 +181,8 @@ def _compare_tiles(
     own = _cut_tiles([lumas[view] for view in group], corners - INNER, (SHIFT_TILE + 2 * INNER,) * 2)
     slopes = _measure_slope(own[:, :, INNER:-INNER]), _measure_slope(own[:, INNER:-INNER].transpose(0, 2, 1))
     squares = [_sum_products(slope, slope) for slope in slopes]
+    by_axis = np.stack([*squares, _sum_products(slopes[0], slopes[1].transpose(0, 2, 1))])
+    by_neighbour = {}
     total = np.zeros(len(shifts), np.float32)
     along, differences = (np.zeros((len(WHOLE), len(shifts)), np.float32) for _ in range(2))
     neighbours = list_neighbours(group, grid)
@@ -150,11 +196,15 @@ def _compare_tiles(
         other = other.transpose(0, axis + 1, 2 - axis)
         here = own[:, INNER:-INNER, INNER:-INNER].transpose(0, axis + 1, 2 - axis)
         total += squares[axis]
+        across, sums = slopes[1 - axis].transpose(0, 2, 1), np.empty((len(WHOLE), 2, len(shifts)), np.float32)
         for number, whole in enumerate(WHOLE):
             difference = here - other[:, 1 + sign * whole :][:, :SHIFT_TILE]
-            along[number] += sign * _sum_products(slopes[axis], difference)
+            sums[number, axis] = _sum_products(slopes[axis], difference)
+            sums[number, 1 - axis] = _sum_products(across, difference)
+            along[number] += sign * sums[number, axis]
             differences[number] += _sum_products(difference, difference)
-    return _Fit(total, along, differences, max(1, len(neighbours)) * SHIFT_TILE**2)
+        by_neighbour[offset] = sums
+    return _Fit(total, along, differences, by_axis, by_neighbour, max(1, len(neighbours)) * SHIFT_TILE**2)
 
 
 def _measure_slope(tiles: Floats) -> Floats:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from ciir.bit_depth import count_unused_bits, lower_levels, raise_levels
+from ciir.bit_depth import count_raised_bits, lower_levels, raise_levels
 from ciir.models.back_projection import measure_contrast, restore_luma
 from ciir.models.light_field.fusion.disparity import estimate_disparity
 from ciir.models.light_field.fusion.pixels import fuse_lumas
@@ -149,6 +149,8 @@ class FusingUpscaler:
         return result, finished
 
     def _is_fused(self, finishing: Finishing) -> bool:
+        if finishing.is_misaligned:
+            return False
         return self._fusion == "always" or self._is_jpeg or finishing.is_averaged
 
     def _run_each(self, work: Callable[[Value], object], items: Sequence[Value]) -> None:
@@ -217,7 +219,7 @@ class FusingUpscaler:
         for channel in np.moveaxis(picture, -1, 0):
             channel[...] = np.clip(channel + change, 0, np.iinfo(picture.dtype).max)
         if sampling and sampling.gain:
-            unused = count_unused_bits(small, picture)  # others of its block may be brighter
+            unused = count_raised_bits(small, picture)  # others of its block may be brighter
             noise = sampling.noise * (JPEG_NOISE if self._is_jpeg else 1)
             raised, seen = raise_levels(picture, unused), raise_levels(small, unused)
             restored = restore_luma(raised, seen, sampling.kind, gain=sampling.gain, noise=noise)

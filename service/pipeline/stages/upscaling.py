@@ -186,11 +186,20 @@ def describe_average(share: float) -> str:
 
 
 def fallback_notes(finished: Sequence[Finishing], *, of_mesh: bool) -> list[str]:
-    """Returns the report's note on the share of pixels that the fallback made; none if it is negligible."""
-    share = sum(view.fallback for view in finished) / max(1, len(finished))
+    """Returns the report's notes on misaligned views, and on the share of pixels of the others that the fallback made;
+    none if it is negligible.
+    """
+    notes = []
+    if misaligned := [view.misalignment for view in finished if view.is_misaligned]:
+        notes.append(
+            f"{len(misaligned)} of {len(finished)} views were upscaled alone, by {catalogue.picture_default_name()}: the views next to "
+            f"them are about {np.median(misaligned):.1f} pixels from where they should be, or in a wrong order; "
+            "rectify the views, or put them in order"
+        )
+    share = sum(view.fallback for view in finished if not view.is_misaligned) / max(1, len(finished))
     if share < MINIMUM_FALLBACK_SHARE:
-        return []
+        return notes
     made = f"{100 * share:.0f} % of the pixels were made by {catalogue.picture_default_name()} from their view alone"
     captured = "another scene, a wrong order of views, noise, errors of a JPEG, or depths too far apart"
     causes = "too few lenses, or depths too far apart" if of_mesh else captured
-    return [f"{made}: the neighbouring views don't match there ({causes})"]
+    return [*notes, f"{made}: the neighbouring views don't match there ({causes})"]

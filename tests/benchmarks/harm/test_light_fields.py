@@ -23,7 +23,9 @@ def test_variations_have_every_value_of_every_factor():
     clean = {(one.degradation, one.grid, one.place) for one in found if one.describe()["order"] == "right"}
     assert len(clean) == 3 * 4 * 3
     assert {(one.order, one.degradation) for one in found if one.grid == (5, 5)} == {
-        (order, kind) for order in ("right", "reversed", "transposed") for kind in ("bicubic", "box", "point")
+        *((order, kind) for order in ("right", "reversed", "transposed") for kind in ("bicubic", "box", "point")),
+        ("exchanged", "box"),
+        ("moved", "box"),
     }
 
 
@@ -52,6 +54,20 @@ def test_the_wanted_view_keeps_its_content_in_every_order(order):
     }[order]  # fmt: skip
     assert case.options.views == f"{case.at[0]},{case.at[1]}"
     assert np.array_equal(case.source.views, case.views)
+
+
+def test_two_views_are_exchanged_and_all_are_moved_with_their_truth():
+    views = make_views(3, 5)
+    exchanged, moved = light_fields.list_cases(
+        "noise", views, [Variation("box", (3, 5), "edge", order=order) for order in ("exchanged", "moved")]
+    )
+    low = views.reshape(3, 5, 20, 2, 20, 2, 3).mean(axis=(3, 5))
+    differs = np.abs(exchanged.views - low).max(axis=(2, 3, 4)) > 0.5
+    assert np.argwhere(differs).tolist() == [[1, 1], [1, 3]]
+    assert np.abs(exchanged.views[1, [1, 3]] - low[1, [3, 1]]).max() <= 0.5
+    assert (np.abs(moved.views - low).max(axis=(2, 3, 4)) > 0.5).sum() > 5
+    own = moved.truth.reshape(20, 2, 20, 2, 3).mean(axis=(1, 3))
+    assert np.abs(moved.views[moved.at] - own).max() <= 0.5
 
 
 def test_views_are_cropped_to_their_middle():

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciir.errors import InvalidImage
-from ciir.models.light_field.finishing import CONFIDENT, UNCERTAIN
+from ciir.models.light_field.finishing import CONFIDENT, LARGEST_MISALIGNMENT, UNCERTAIN
 from ciir.models.light_field.planes import Range
 from ciir.models.light_field.views import upscale_views
 from ciir.models.light_field.windows import WINDOW_SIDE, list_required_views, select_axis
@@ -88,7 +88,7 @@ def test_views_with_the_same_rows_and_columns_present_share_a_batch():
 
 def test_the_network_gets_the_range_that_is_measured_or_given(monkeypatch):
     ranges = {(0, 0): Range(-0.5, 0.25), (2, 2): Range(0.0, 1.0)}
-    monkeypatch.setattr("ciir.models.light_field.runner.measure_ranges", lambda *_: list(ranges.values()))
+    monkeypatch.setattr("ciir.models.light_field.runner.measure_ranges", lambda *_: (list(ranges.values()), [0.0] * 2))
     views, network = make_light_field((3, 3)), Repeating()
     upscale_views(network, fallback, views, list(ranges), (3, 3))
     assert [call[4] for call in network.calls] == list(ranges.values())
@@ -133,6 +133,20 @@ def test_the_fallback_is_used_where_confidence_is_low(uncertainty, expected_shar
     own = views[1, 1].repeat(2, axis=0).repeat(2, axis=1)
     np.testing.assert_allclose(got, (1 - weight) * own + weight * 255, atol=0.51)
     assert [(finishing.fallback, finishing.sampling) for finishing in finished] == [(expected_share, None)]
+
+
+def test_the_fallback_makes_all_of_a_misaligned_view(monkeypatch):
+    views, wanted = make_light_field((3, 3)), [(0, 0), (1, 1)]
+    given = [LARGEST_MISALIGNMENT, LARGEST_MISALIGNMENT + 0.01]
+    monkeypatch.setattr("ciir.models.light_field.runner.measure_ranges", lambda *_: ([Range(-1.0, 1.0)] * 2, given))
+    (kept, replaced), finished = upscale_views(Repeating(), fallback, views, wanted, (3, 3), finds_sampling=True)
+    np.testing.assert_array_equal(kept, views[0, 0].repeat(2, axis=0).repeat(2, axis=1))
+    assert (replaced == 255).all()
+    assert [(one.is_misaligned, one.fallback, one.misalignment) for one in finished] == [
+        (False, 0.0, given[0]),
+        (True, 1.0, given[1]),
+    ]
+    assert finished[1].sampling is None
 
 
 class Making:

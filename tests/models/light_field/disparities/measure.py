@@ -1,4 +1,4 @@
-"""Shifts and ranges of one view of a light field, of its pictures."""
+"""Shifts, range and misalignment of one view of a light field, of its pictures."""
 
 from ciir.models.light_field.disparities.ranges import measure_ranges
 from ciir.models.light_field.disparities.shifts import crop_luma
@@ -16,4 +16,8 @@ def measure_shifts(views, view, grid):
 def measure_range(views, view, grid, shifts=None):
     """`shifts`: None: those that are measured."""
     shifts = measure_shifts(views, view, grid) if shifts is None else shifts
-    return measure_ranges(make_lumas(views), [view], grid, [shifts])[0]
+    return measure_ranges(make_lumas(views), [view], grid, [shifts])[0][0]
+
+
+def measure_misalignment(views, view, grid):
+    return measure_ranges(make_lumas(views), [view], grid, [measure_shifts(views, view, grid)])[1][0]

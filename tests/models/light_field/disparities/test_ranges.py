@@ -1,4 +1,4 @@
-"""Known disparities are found, and not those of noise."""
+"""Known disparities and misalignments are found, and not those of noise."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from ciir.models.light_field.disparities.ranges import MOST_TILES, UNKNOWN, measure_ranges
 from ciir.models.light_field.disparities.shifts import make_no_shifts
 from ciir.models.light_field.planes import STEP
-from tests.models.light_field.disparities.measure import make_lumas, measure_range, measure_shifts
+from tests.models.light_field.disparities.measure import make_lumas, measure_misalignment, measure_range, measure_shifts
 
 SIDE = 80
 FREQUENCIES = np.random.default_rng(0).normal(size=(120, 2)) * 0.9
@@ -26,11 +26,13 @@ def make_texture(down, right, shape=(SIDE, SIDE)):
     return 128 + waves * 40 / np.sqrt(len(PHASES) / 2)
 
 
-def make_views(grid, view, layers, *, noise=0.0, shape=(SIDE, SIDE), channels=3):
-    """Views of which equal parts from the left to the right have the disparities `layers`."""
+def make_views(grid, view, layers, *, noise=0.0, shape=(SIDE, SIDE), channels=3, moved=None):
+    """Views of which equal parts from the left to the right have the disparities `layers`. `moved`: pixels down and to
+    the right by which some views are moved besides."""
     random, views = np.random.default_rng(2), {}
     for v, u in np.ndindex(grid):
-        parts = [make_texture(by * (v - view[0]), by * (u - view[1]), shape) for by in layers]
+        down, right = (moved or {}).get((v, u), (0, 0))
+        parts = [make_texture(by * (v - view[0]) + down, by * (u - view[1]) + right, shape) for by in layers]
         edges = np.linspace(0, shape[1], len(layers) + 1).astype(int)
         picture = np.concatenate([part[:, a:b] for part, a, b in zip(parts, edges, edges[1:], strict=False)], axis=1)
         picture = picture[..., None] + random.normal(0, noise, (*shape, channels))
@@ -119,8 +121,36 @@ def test_a_views_range_is_the_same_whichever_others_are_measured(monkeypatch):
     shifts = [make_no_shifts(48, 60) for _ in wanted]
     for own in shifts[1::2]:
         own[3:] = 3
-    together = measure_ranges(lumas, wanted, grid, shifts)
+    together, misalignments = measure_ranges(lumas, wanted, grid, shifts)
     assert together == [measure_range(views, view, grid, own) for view, own in zip(wanted, shifts, strict=True)]
     assert together[wanted.index((1, 1))].highest > 0.9 > together[wanted.index((1, 2))].highest
     monkeypatch.setattr("ciir.models.light_field.disparities.ranges.TILES_AT_ONCE", 1)
-    assert measure_ranges(lumas, wanted, grid, shifts) == together
+    assert measure_ranges(lumas, wanted, grid, shifts) == (together, misalignments)
+
+
+@pytest.mark.parametrize("noise", [0.0, 8.0])
+@pytest.mark.parametrize("layers", [(0.3,), (-0.9, 0.4), (3.8, 5.2)])
+@pytest.mark.parametrize(("grid", "view"), GRIDS)
+def test_views_that_lie_where_they_should_are_aligned(grid, view, layers, noise):
+    views = make_views(grid, view, layers, noise=noise, shape=(SIDE, 144))
+    assert measure_misalignment(views, view, grid) < 0.09
+
+
+@pytest.mark.parametrize("noise", [0.0, 5.0])
+@pytest.mark.parametrize("disparity", [-0.4, 1.2])
+def test_the_distance_of_a_moved_view_is_found(disparity, noise):
+    """All its neighbours are as far away, and each of them has one neighbour of three that is."""
+    views = make_views((3, 3), (1, 1), [disparity], noise=noise, moved={(1, 1): (0.3, -0.4)})
+    assert measure_misalignment(views, (1, 1), (3, 3)) == pytest.approx(0.5, abs=0.1)
+    assert 0.08 < measure_misalignment(views, (0, 1), (3, 3)) < 0.25
+    assert measure_misalignment(views, (0, 0), (3, 3)) < 0.05
+
+
+def test_neighbours_at_random_places_are_misaligned_and_unrelated_and_flat_ones_are_not():
+    random = np.random.default_rng(5)
+    places = {view: tuple(random.uniform(-0.6, 0.6, 2)) for view in np.ndindex(3, 3)}
+    assert measure_misalignment(make_views((3, 3), (1, 1), [0.5], moved=places), (1, 1), (3, 3)) > 0.3
+    noise = {view: random.integers(0, 256, (160, 160, 3), np.uint8) for view in np.ndindex(3, 3)}
+    assert measure_misalignment(noise, (1, 1), (3, 3)) < 0.15
+    flat = dict.fromkeys(np.ndindex(3, 3), np.full((SIDE, SIDE, 3), 90, np.uint8))
+    assert measure_misalignment(flat, (1, 1), (3, 3)) == 0

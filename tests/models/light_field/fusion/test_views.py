@@ -244,8 +244,10 @@ def test_the_rule_of_auto():
         (Finishing(sampling=Sampling("means", 1.0, 1.0, 0.0)), False, False),
         (Finishing(sampling=Sampling("filter", 1.0, 0.0, 0.0)), False, True),
         (Finishing(), True, True),
+        (Finishing(misalignment=0.5), True, False),
     ):
-        for fusion, expected in (("auto", is_fused), ("always", True), ("never", False)):
+        always = not finishing.is_misaligned
+        for fusion, expected in (("auto", is_fused), ("always", always), ("never", False)):
             upscale = Upscaling(finishing)
             fusing = make_upscaler(upscale, views, fusion=fusion, is_jpeg=is_jpeg)
             (picture,), (got,) = fusing(views, [(2, 2)])

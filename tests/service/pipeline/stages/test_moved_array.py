@@ -99,10 +99,11 @@ def test_all_content_has_the_disparity_that_the_network_is_given():
     fine = RaytraceBackend().render_views(placed, moved_array.refine_array(array), [(4, 1)])
     pictures = moved_array.take_pictures(fine, places, averages=True)
     lumas = {place: crop_luma(picture[..., :3]) for place, picture in zip(places, pictures, strict=True)}
-    (found,) = estimate_tiles(lumas, [at], grid, np.indices((8, 8)).reshape(2, -1), [np.zeros(64, int)])
+    ((found, misalignment),) = estimate_tiles(lumas, [at], grid, np.indices((8, 8)).reshape(2, -1), [np.zeros(64, int)])
     assert len(found) > 10
     assert moved_array.DISPARITIES == (-0.4, -0.4)
     assert abs(np.median(found) + 0.4) < 0.02
+    assert misalignment < 0.03
 
 
 def test_renderings_of_too_many_samples_are_not_possible():

@@ -9,6 +9,7 @@ from scipy.ndimage import gaussian_filter, shift
 
 from ciir.errors import TooLarge, UnsuitedModel, UnsupportedScale
 from ciir.models import catalogue
+from ciir.models.light_field.finishing import Finishing
 from ciir.models.sampling import Finding, Sampling
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
@@ -21,6 +22,7 @@ from ciir.service.pipeline.planning import model_selection
 from ciir.service.pipeline.run import reconstruct
 from ciir.service.pipeline.source import Input
 from ciir.service.pipeline.stages import schedule, view_sources
+from ciir.service.pipeline.stages.upscaling import fallback_notes
 from tests.support.inputs import EIA_PNG, make_picture
 from tests.support.networks import upscale_as_stand_in
 from tests.support.pipeline import run
@@ -190,6 +192,14 @@ def test_the_fallback_share_is_noted(stand_in):
         "100 % of the pixels were made by quality from their view alone: the neighbouring views don't match there "
         "(another scene, "
     )
+
+
+def test_misaligned_views_are_noted_and_do_not_count_for_the_share():
+    finished = [Finishing(fallback=1.0, misalignment=0.4)] * 3 + [Finishing()] * 7
+    (note,) = fallback_notes(finished, of_mesh=False)
+    assert note.startswith("3 of 10 views were upscaled alone, by quality")
+    assert "about 0.4 pixels from where they should be" in note
+    assert len(fallback_notes([*finished, *[Finishing(fallback=1.0)] * 5], of_mesh=False)) == 2
 
 
 def test_the_fallback_share_of_a_mesh_is_noted_with_its_own_causes(cube, stand_in):
