@@ -191,10 +191,10 @@ def fallback_notes(finished: Sequence[Finishing], *, of_mesh: bool) -> list[str]
     """
     notes = []
     if misaligned := [view.misalignment for view in finished if view.is_misaligned]:
+        alone = f"{len(misaligned)} of {len(finished)} views were upscaled alone, by {catalogue.picture_default_name()}"
         notes.append(
-            f"{len(misaligned)} of {len(finished)} views were upscaled alone, by {catalogue.picture_default_name()}: the views next to "
-            f"them are about {np.median(misaligned):.1f} pixels from where they should be, or in a wrong order; "
-            "rectify the views, or put them in order"
+            f"{alone}: the views next to them are about {np.median(misaligned):.1f} pixels from where they should be, "
+            "or in a wrong order; rectify the views, or put them in order"
         )
     share = sum(view.fallback for view in finished if not view.is_misaligned) / max(1, len(finished))
     if share < MINIMUM_FALLBACK_SHARE:
