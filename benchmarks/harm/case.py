@@ -1,4 +1,4 @@
-"""A case of the harm table: a low-resolution light field, the wanted view, and its truth."""
+"""A case of the harm table: a low-resolution light field or picture, the wanted view, and its truth."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.options import Options
 
 SCALE = 2
-Kind = Literal["mesh", "light field"]
+Kind = Literal["mesh", "light field", "picture"]
 MESH: Kind = "mesh"
 LIGHT_FIELD: Kind = "light field"
+PICTURE: Kind = "picture"
 
 Picture = NDArray[np.uint8]
 """`(H, W, 3)` RGB."""

@@ -19,7 +19,7 @@ CROPS = 10
 """How many cases are shown with crops."""
 PER_INPUT = 2
 """The most of them for one input, so that they differ."""
-MARGINS = (0.07, 0.1, 0.33, 0.84)
+MARGINS = (0.1, 0.1, 0.3, 0.84)
 """Left, bottom, width and height of the plot of margins, as shares of the figure's sides."""
 LEFT, TOP = 0.53, 0.96
 """Left and top of the crops, as shares of the figure's sides."""
@@ -31,7 +31,7 @@ def plot_harm(rows: Sequence[Row], path: Path, *, title: str) -> None:
     from matplotlib.figure import Figure
 
     worst = _select_worst(rows)
-    figure = Figure(figsize=(20, 2.5 * max(3, len(worst)) + 1))
+    figure = Figure(figsize=(20, 2.5 * max(5, len(worst)) + 1))
     figure.suptitle(title)
     _plot_margins(figure.add_axes(MARGINS), rows)
     height, width = TOP / len(worst), (1 - LEFT) / 4

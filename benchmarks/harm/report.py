@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ciir.benchmarks.bench.tables import format_table
+from ciir.benchmarks.harm.case import PICTURE
 from ciir.benchmarks.harm.score import BICUBIC, BOUND, DEFAULT
 
 if TYPE_CHECKING:
@@ -51,10 +52,14 @@ def format_tables(rows: Sequence[Row]) -> list[str]:
     lines = [EXPLANATION, "## By input", "", *_format_groups(by_input)]
     for kind in dict.fromkeys(row.kind for row in rows):
         some = [row for row in rows if row.kind == kind]
+        if kind == PICTURE:
+            conditions = dict.fromkeys(", ".join(row.conditions) for row in some)
+            by_condition = {text: [row for row in some if ", ".join(row.conditions) == text] for text in conditions}
+            lines += [f"## By conditions: {kind}", "", *_format_groups(by_condition)]
         by_factor = {
             f"{name} {value}": [row for row in some if row.factors[name] == value]
             for name in some[0].factors
-            for value in sorted({row.factors[name] for row in some})
+            for value in sorted({row.factors[name] for row in some}, key=lambda text: (len(text), text))
         }
         lines += [f"## By factor: {kind}", "", *_format_groups(by_factor)]
         lines += [f"## Every case: {kind}", "", *_format_rows(some)]

@@ -12,8 +12,8 @@ from tqdm import tqdm
 
 from ciir.benchmarks import machine
 from ciir.benchmarks.bench.results import replace_infinite
-from ciir.benchmarks.harm import light_fields, meshes, report
-from ciir.benchmarks.harm.case import LIGHT_FIELD, MESH
+from ciir.benchmarks.harm import light_fields, meshes, pictures, report
+from ciir.benchmarks.harm.case import LIGHT_FIELD, MESH, PICTURE
 from ciir.benchmarks.harm.figure import plot_harm
 from ciir.benchmarks.harm.score import BOUND, Row, list_networks, make_subject, score_case
 from ciir.errors import InvalidOption
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from ciir.benchmarks.harm.case import Case, Kind, Views
+    from ciir.benchmarks.harm.case import Case, Kind, Picture, Views
     from ciir.renderer.scene import Scene
     from ciir.service.pipeline.source import Source
 
@@ -40,17 +40,28 @@ class HarmOptions:
     """The inputs, arrays and model to measure."""
 
     sources: Mapping[str, Source] = field(default_factory=dict)
-    """Name -> mesh, elemental image array or set of views, beyond those that ship. Names of scenes add nothing."""
+    """Name -> mesh, elemental image array, set of views or folder of photographs, beyond those that ship. Names of
+    scenes add nothing."""
     lenses: Sequence[int] = ()
     """Lenses along each side of the arrays in front of a mesh; if empty, `meshes.LENSES`, or `QUICK_LENSES` for
     `quick`."""
     array: Options = field(default_factory=Options)
     """How to read elemental image arrays."""
-    kinds: Sequence[Kind] = (MESH, LIGHT_FIELD)
+    kinds: Sequence[Kind] = (MESH, LIGHT_FIELD, PICTURE)
     model: str = AUTO
     """The model that is judged: `auto`, a name in the catalogue, or the path of an exported network's card."""
     quick: bool = False
-    """Only two meshes in front of black and white, and a few cases of light fields."""
+    """Only two meshes in front of black and white, and a few cases of light fields and pictures."""
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What cases are made from: name -> what was read, rendered or drawn."""
+
+    scenes: dict[str, Scene] = field(default_factory=dict)
+    captured: dict[str, tuple[Views, bool]] = field(default_factory=dict)
+    """Light fields, and whether each is an elemental image array."""
+    photographs: dict[str, Picture] = field(default_factory=dict)
 
 
 QUICK_MESHES = ("vase", "grey chair")
@@ -66,8 +77,7 @@ def measure_harm(options: HarmOptions, out: Path) -> dict[str, Any]:
     begun = time.perf_counter()
     subject = make_subject(options.model)
     networks, left_out = list_networks()
-    scenes, captured = _read_inputs(options)
-    cases, count = _list_cases(options, scenes, captured)
+    cases, count = _list_cases(options, _read_inputs(options))
     bar = tqdm(cases, total=count, disable=None, unit="case", file=sys.stderr)
     rows = sorted((score_case(case, networks, subject) for case in bar), key=lambda row: row.margin)
     here = machine.describe()
@@ -101,50 +111,65 @@ def _write(found: Mapping[str, Any], rows: Sequence[Row], out: Path) -> None:
     plot_harm(rows, out / "harm.png", title=summary)
 
 
-def _read_inputs(options: HarmOptions) -> tuple[dict[str, Scene], dict[str, tuple[Views, bool]]]:
-    """Reads meshes, and light fields with whether each is an elemental image array. Skips kinds that are not wanted.
+def _read_inputs(options: HarmOptions) -> Inputs:
+    """Reads meshes, light fields and pictures. Skips kinds that are not wanted.
 
     Everything is read before the first case runs, so that a wrong input is reported at once.
     """
-    scenes: dict[str, Scene] = {}
-    captured: dict[str, tuple[Views, bool]] = {}
+    found = Inputs()
     if MESH in options.kinds:
-        scenes = {name: meshes.OWN[name]() for name in (QUICK_MESHES if options.quick else meshes.OWN)}
+        found.scenes.update({name: meshes.OWN[name]() for name in (QUICK_MESHES if options.quick else meshes.OWN)})
     for name, source in options.sources.items():
         if not isinstance(source, Bundle):
             continue
-        main = find_main(source)
-        kind: Kind = MESH if main is not None and isinstance(main[0], MeshFormat) else LIGHT_FIELD
+        kind, is_array = _find_kind(source, options.kinds)
         if kind not in options.kinds:
             continue
-        if name in scenes or name == light_fields.DRAWN:
+        if name in found.scenes or name == light_fields.DRAWN:
             raise InvalidOption(f"{name}: this is the name of an input that ships; rename the file")
         if kind == MESH:
-            scenes[name] = Input(source).read_mesh(Options())
+            found.scenes[name] = Input(source).read_mesh(Options())
+        elif kind == PICTURE:
+            found.photographs.update(pictures.read_photographs(name, source))
         else:
-            array = options.array if main is not None else Options()
-            captured[name] = (light_fields.read_light_field(name, source, array), main is not None)
-    if LIGHT_FIELD in options.kinds and not captured:
-        captured[light_fields.DRAWN] = (light_fields.draw_light_field(quick=options.quick), False)
-    return scenes, captured
+            array = options.array if is_array else Options()
+            found.captured[name] = (light_fields.read_light_field(name, source, array), is_array)
+    if LIGHT_FIELD in options.kinds and not found.captured:
+        found.captured[light_fields.DRAWN] = (light_fields.draw_light_field(quick=options.quick), False)
+    if PICTURE in options.kinds and not found.photographs:
+        found.photographs.update(pictures.draw_pictures(quick=options.quick))
+    return found
 
 
-def _list_cases(
-    options: HarmOptions, scenes: Mapping[str, Scene], captured: Mapping[str, tuple[Views, bool]]
-) -> tuple[Iterator[Case], int]:
+def _find_kind(source: Bundle, kinds: Sequence[Kind]) -> tuple[Kind, bool]:
+    """Returns the kind of an input, and whether a light field is one file, such as an elemental image array.
+
+    Pictures are photographs if their names end with `pictures.HIGH`, or if no other kind is wanted.
+    """
+    main = find_main(source)
+    if main is not None and isinstance(main[0], MeshFormat):
+        return MESH, False
+    is_photographs = any(key.endswith(pictures.HIGH) for key in pictures.list_photographs(source))
+    return (PICTURE if is_photographs or tuple(kinds) == (PICTURE,) else LIGHT_FIELD), main is not None
+
+
+def _list_cases(options: HarmOptions, inputs: Inputs) -> tuple[Iterator[Case], int]:
     """Returns the cases, made one after another, and their number."""
     lenses = options.lenses or (QUICK_LENSES if options.quick else meshes.LENSES)
     backgrounds = QUICK_BACKGROUNDS if options.quick else tuple(meshes.BACKGROUNDS)
     variations = {
         name: light_fields.list_variations((views.shape[0], views.shape[1]), is_array=is_array, quick=options.quick)
-        for name, (views, is_array) in captured.items()
+        for name, (views, is_array) in inputs.captured.items()
     }
-    count = len(scenes) * meshes.count_cases(lenses, backgrounds) + sum(map(len, variations.values()))
+    corruptions = pictures.list_variations(quick=options.quick)
+    count = len(inputs.scenes) * meshes.count_cases(lenses, backgrounds) + sum(map(len, variations.values()))
 
     def make() -> Iterator[Case]:
-        for name, scene in scenes.items():
+        for name, scene in inputs.scenes.items():
             yield from meshes.list_cases(name, scene, lenses, backgrounds)
-        for name, (views, _) in captured.items():
+        for name, (views, _) in inputs.captured.items():
             yield from light_fields.list_cases(name, views, variations[name])
+        for name, picture in inputs.photographs.items():
+            yield from pictures.list_cases(name, picture, corruptions)
 
-    return make(), count
+    return make(), count + len(inputs.photographs) * len(corruptions)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ciir.benchmarks.bench.errors import find_worst_window
 from ciir.benchmarks.bench.work import reconstruct_views
-from ciir.benchmarks.harm.case import LIGHT_FIELD, SCALE
+from ciir.benchmarks.harm.case import LIGHT_FIELD, PICTURE, SCALE
 from ciir.models import catalogue
 from ciir.models.back_projection import restore_means
 from ciir.models.light_field.network import LightFieldNetwork
@@ -76,7 +76,7 @@ class Row:
     model: str
     """The model that the default took."""
     psnr: Mapping[str, float]
-    """Name -> dB; inf if exact. `bicubic`, `default`, and every network that suits the grid."""
+    """Name -> dB; inf if exact. `bicubic`, `default`, and, but for a picture, every network that suits the grid."""
     ssim: Mapping[str, float]
     """NaN if the truth is smaller than SSIM's window."""
     best_single: str
@@ -190,7 +190,10 @@ def make_subject(model: str) -> Callable[[Case], Result]:
 
 
 def score_case(case: Case, networks: Sequence[Model], subject: Callable[[Case], Result]) -> Row:
-    """Runs everything on `case`. Light-field networks are left out for grids that are too small for them."""
+    """Runs everything on `case`. Light-field networks are left out for grids that are too small for them, and all
+    `networks` for a picture, which no bound compares with them.
+    """
+    networks = () if case.kind == PICTURE else networks
     result = subject(case)
     pictures = {BICUBIC: _upscale_single(catalogue.load_upscaler(BICUBIC, scale=SCALE), case.views, case.at)}
     pictures[DEFAULT] = result.picture

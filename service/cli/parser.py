@@ -135,11 +135,13 @@ def _add_measurements(add_command: Callable[..., argparse.ArgumentParser]) -> No
         "--harm",
         action="store_true",
         help="instead, find where the default is worse than bicubic interpolation or than the single-picture networks, "
-        "over meshes and light fields in many conditions; write harm.json, harm.md and harm.png, and exit with 1 "
-        "if it is worse by more than 0.1 dB",
+        "over meshes, light fields and pictures in many conditions; write harm.json, harm.md and harm.png, and exit "
+        "with 1 if it is worse by more than 0.1 dB",
     )
     command.add_argument(
-        "--only", choices=("meshes", "light-fields"), help="with --harm: measure only this kind of input"
+        "--only",
+        choices=("meshes", "light-fields", "pictures"),
+        help="with --harm: measure only this kind of input",
     )
     command.add_argument(
         "--model",

@@ -75,7 +75,7 @@ def _parse_harm(args: argparse.Namespace) -> HarmOptions:
 
     In `--lenses`, whole numbers are for meshes, and rows x columns for elemental image arrays.
     """
-    from ciir.benchmarks.harm.case import LIGHT_FIELD, MESH
+    from ciir.benchmarks.harm.case import LIGHT_FIELD, MESH, PICTURE
     from ciir.benchmarks.harm.run import HarmOptions
 
     if args.rounds is not None:
@@ -90,7 +90,8 @@ def _parse_harm(args: argparse.Namespace) -> HarmOptions:
     if counts := [text for text in args.lenses if text not in pairs]:
         options = replace(options, lenses=_counts("--lenses", counts, least=8))  # SSIM needs 11 pixels of truth
     if args.only is not None:
-        options = replace(options, kinds=(MESH if args.only == "meshes" else LIGHT_FIELD,))
+        kinds = {"meshes": MESH, "light-fields": LIGHT_FIELD, "pictures": PICTURE}
+        options = replace(options, kinds=(kinds[args.only],))
     return replace(options, array=array, model=args.model or options.model)
 
 

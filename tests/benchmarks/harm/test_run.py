@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from ciir.benchmarks.harm import light_fields, run
+from ciir.benchmarks.harm import light_fields, pictures, run
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service.cli.main import main
 from tests.support.inputs import CUBE, make_picture
@@ -11,6 +11,8 @@ from tests.support.networks import install_stand_in
 
 pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
 
+DRAWN = ("drawn globe", "drawn text")
+"""The pictures that are drawn if none is given."""
 SMALL = ["bench", "--harm", "--quick", "--lenses", "12"]
 
 
@@ -27,12 +29,19 @@ def test_the_default_over_all_kinds(tmp_path, capsys):
     status, found = run_harm(tmp_path)
     assert status == (found["over"] > 0)  # today's networks may pass or not
     rows = found["rows"]
-    assert len(rows) == found["cases"] == 2 * 4 + len(light_fields.list_variations((5, 5), quick=True))
-    assert {row["input"] for row in rows} == {"vase", "grey chair", light_fields.DRAWN}
+    counts = len(light_fields.list_variations((5, 5), quick=True)), len(pictures.list_variations(quick=True))
+    assert len(rows) == found["cases"] == 2 * 4 + counts[0] + 2 * counts[1]
+    assert {row["input"] for row in rows} == {"vase", "grey chair", light_fields.DRAWN, *DRAWN}
     margins = [min(m for m in (row["against_bicubic"], row["against_single"]) if m is not None) for row in rows]
     assert margins == sorted(margins)
     assert found["over"] == sum(row["is_over"] for row in rows) == sum(margin < -found["bound"] for margin in margins)
-    assert all({"bicubic", "default", "fast", row["model"]} <= set(row["psnr"]) == set(row["ssim"]) for row in rows)
+    assert all(set(row["psnr"]) == set(row["ssim"]) for row in rows)
+    for row in rows:
+        if row["kind"] == "picture":
+            assert set(row["psnr"]) == {"bicubic", "default"}
+            assert row["against_single"] is None
+        else:
+            assert {"bicubic", "default", "fast", row["model"]} <= set(row["psnr"])
     text = (tmp_path / "harm.md").read_text(encoding="utf-8")
     assert all(row["case"] in text for row in rows)
     assert (tmp_path / "harm.png").stat().st_size > 20_000
@@ -84,10 +93,31 @@ def test_inputs_are_measured_beside_those_that_ship(tmp_path):
         (folder / f"view_{number // 3:02d}_{number % 3:02d}.png").write_bytes(encode_png(picture))
     inputs = [tmp_path / "cube.off", tmp_path / "eia.png", folder, "scene:vase"]
     _, found = run_harm(tmp_path / "out", *inputs, "--lenses", "12", "40x40", "--model", "bicubic")
-    assert {row["input"] for row in found["rows"]} == {"vase", "grey chair", "cube", "eia", "views"}
+    assert {row["input"] for row in found["rows"]} == {"vase", "grey chair", "cube", "eia", "views", *DRAWN}
     jpeg = {row["factors"]["jpeg"] for row in found["rows"] if row["input"] == "eia"}
     assert jpeg == {"none", "75 interleaved"}
     assert {row["factors"]["grid"] for row in found["rows"] if row["input"] == "views"} == {"3x3"}
+
+
+@pytest.mark.usefixtures("without_figure")
+@pytest.mark.parametrize(("suffix", "only"), [("_HR", []), ("", ["--only", "pictures"])])
+def test_photographs_are_measured_one_by_one(tmp_path, suffix, only):
+    """A folder holds photographs if their names end with _HR, or if nothing else is wanted."""
+    folder = tmp_path / "photographs"
+    folder.mkdir()
+    for number in range(2):
+        (folder / f"{number}{suffix}.png").write_bytes(encode_png(make_picture(40, 36, seed=number)))
+    _, found = run_harm(tmp_path / "out", folder, "--model", "nearest", *only)
+    rows = [row for row in found["rows"] if row["kind"] == "picture"]
+    assert len(rows) == 2 * len(pictures.list_variations(quick=True))
+    names = {f"photographs/{number}{'' if suffix else '.png'}" for number in range(2)}
+    assert {row["input"] for row in rows} == names
+    assert {row["kind"] for row in found["rows"]} == ({"picture"} if only else {"mesh", "light field", "picture"})
+    text = (tmp_path / "out" / "harm.md").read_text(encoding="utf-8")
+    (line,) = [line for line in text.splitlines() if line.startswith("| box, noise 10 |")]
+    margins = [row["against_bicubic"] for row in rows if row["case"].endswith("box, noise 10")]
+    assert f"| 2 | {sum(row['is_over'] for row in rows if row['case'].endswith('box, noise 10'))} |" in line
+    assert f"{min(margins):+.2f}, {sum(margins) / 2:+.2f}" in line
 
 
 @pytest.mark.parametrize(
