@@ -84,7 +84,8 @@ class Row:
     against_bicubic: float
     """`default` - `bicubic`, dB."""
     against_single: float | None
-    """`default` - `best_single`, dB; None if the default is not a light-field network."""
+    """`default` - `best_single`, dB; None if the default is not a light-field network, or if its fallback made the view
+    alone."""
     notes: tuple[str, ...]
     crops: Mapping[str, Picture]
     """`truth`, `bicubic`, the best single-picture network and `default`, where the default loses most."""
@@ -210,7 +211,9 @@ def score_case(case: Case, networks: Sequence[Model], subject: Callable[[Case], 
         ssim[name] = compute_ssim(luma, truth, border=case.border) if has_ssim else math.nan
     best = max(singles, key=psnr.__getitem__, default="")
     against_bicubic = _subtract(psnr[DEFAULT], psnr[BICUBIC])
-    against_single = _subtract(psnr[DEFAULT], psnr[best]) if best and result.is_light_field else None
+    alone = pictures.get(catalogue.picture_default_name())
+    is_helped = result.is_light_field and not (alone is not None and is_same(alone, result.picture))
+    against_single = _subtract(psnr[DEFAULT], psnr[best]) if best and is_helped else None
     is_single_worse = against_single is not None and against_single < against_bicubic
     shown = {"truth": case.truth, BICUBIC: pictures[BICUBIC]}
     shown |= {best: pictures[best]} if best else {}
@@ -235,6 +238,11 @@ def _upscale_case(network: Model, case: Case) -> Picture:
     is_lenslet = case.options.sampling == "lenslet"
     picture = network.upscale(case.views, case.at, case.kind == LIGHT_FIELD and not is_lenslet)
     return restore_means(picture, case.views[case.at]) if is_lenslet else picture
+
+
+def is_same(picture: Picture, other: Picture) -> bool:
+    """Checks whether pictures are equal but for rounding."""
+    return bool(np.abs(picture.astype(np.int16) - other).max() <= 1)
 
 
 def _subtract(psnr: float, other: float) -> float:
