@@ -16,8 +16,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from ciir.renderer.readers.meshes.texture_files import Resolver
     from ciir.renderer.surface import Surface
 
+BRIGHTEST = 2.0
+"""The largest colour if 1 is white: scanners overshoot 1, and 8-bit levels go far beyond."""
 MAX_NODES = 20_000
 """The most nodes in the scene of a mesh file. A node counts once for each of its instances."""
 UPRIGHT = {
@@ -40,6 +43,17 @@ def normalise(values: NDArray[Any]) -> NDArray[Any]:
     if values.dtype.kind == "f":
         return values
     scaled: NDArray[Any] = np.maximum(values.astype(np.float32) / np.iinfo(values.dtype).max, np.float32(-1.0))
+    return scaled
+
+
+def scale_levels(colors: NDArray[Any], resolver: Resolver) -> NDArray[Any]:
+    """Returns colours in which 1 is white. If one is over `BRIGHTEST`, they are taken as levels from 0 to 255, with a
+    note.
+    """
+    if not (colors > BRIGHTEST).any():
+        return colors
+    resolver.add_note("vertex colours above 1 are taken as levels from 0 to 255")
+    scaled: NDArray[Any] = colors / colors.dtype.type(255)
     return scaled
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.readers.meshes import mtl
-from ciir.renderer.readers.meshes.geometry import parse_numbers
+from ciir.renderer.readers.meshes.geometry import parse_numbers, scale_levels
 from ciir.renderer.readers.meshes.polygons import triangulate
 from ciir.renderer.readers.meshes.text_lines import (
     Rows,
@@ -40,8 +40,6 @@ _LEFT_OUT = {b"l": "lines", b"p": "points", b"curv": "curves", b"surf": "free-fo
 _COMMENT = re.compile(rb"(?mi)^([ \t\r\v\f]*(?:v|vt|vn|f)[ \t\r\v\f][^#\n]*)#[^\n]*")
 _MANY = re.compile(r"(?<=\.mtl)\s+", re.IGNORECASE)
 """The separator between several MTL files on a line. Spaces elsewhere are part of a name."""
-BRIGHTEST = 2.0
-"""The largest vertex colour if 1 is white: scanners overshoot 1, and 8-bit levels go far beyond."""
 MAX_LIBRARIES = 100
 """The most MTL files that an OBJ may name."""
 MAX_MATERIALS = 65_536
@@ -92,9 +90,8 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
         corners, face_lines = _triangles(lines, positions[:, :3], name, resolver, limits.triangles)
     except Unreadable as error:
         raise Unreadable(f"{name}: {error}; export it again") from error
-    if positions.shape[1] >= 6 and positions[:, 3:6].max() > BRIGHTEST:
-        positions[:, 3:6] /= 255
-        resolver.add_note("vertex colours above 1 are taken as levels from 0 to 255")
+    if positions.shape[1] >= 6:
+        positions[:, 3:6] = scale_levels(positions[:, 3:6], resolver)
     for word, what in _LEFT_OUT.items():
         if len(lines.rows[word]):
             resolver.add_note(f"{what} are left out: only polygons are drawn")

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import TooLarge, Unreadable, UnsupportedType
-from ciir.renderer.readers.meshes.geometry import add_alpha, normalise, split_corners
+from ciir.renderer.readers.meshes.geometry import add_alpha, normalise, scale_levels, split_corners
 from ciir.renderer.readers.meshes.polygons import triangulate
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.surface import DEFAULT_COLOR, WHITE, Surface, check_size
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 UNLIT = "comment unlit"
 """The header line of files whose colours must not be lit."""
+_COLORS = (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b"))
+_ALPHAS = ("alpha", "a")
 _FORMATS = ("ascii", "binary_little_endian", "binary_big_endian")
 
 
@@ -68,7 +70,7 @@ def read(data: bytes, *, name: str, resolver: Resolver, limits: Limits) -> list[
     comments = (line.decode().split(None, 2) for line in header)
     pictures = [words[2].strip() for words in comments if len(words) == 3 and words[1].lower() == "texturefile"]
     textures, texture_of = _load_textures(pictures, face, face_of, resolver)
-    plain = mapped = _add_colors(surface, vertex, face, face_of)
+    plain = mapped = _add_colors(surface, vertex, face, face_of, resolver)
     if any(textures):
         mapped = _add_coordinates(surface, vertex, face, resolver, lengths=lengths, triangles=triangles) or plain
     if mapped is plain:
@@ -259,22 +261,26 @@ def _add_coordinates(
     return None
 
 
-def _add_colors(surface: Surface, vertex: dict[str, Any], face: dict[str, Any], face_of: NDArray[np.int64]) -> Surface:
+def _add_colors(
+    surface: Surface, vertex: dict[str, Any], face: dict[str, Any], face_of: NDArray[np.int64], resolver: Resolver
+) -> Surface:
     """Returns the surface with the colours of its vertices, or else of its faces, if the file has any."""
-    for prefix in ("", "diffuse_"):
-        names = (f"{prefix}red", f"{prefix}green", f"{prefix}blue")
+    for names in _COLORS:
         if set(names) <= vertex["properties"].keys():
-            return replace(surface, colors=_read_rgba(vertex, names), color=WHITE, is_see_through=True)
+            colors = _read_rgba(vertex, names, resolver)
+            return replace(surface, colors=colors, color=WHITE, is_see_through=True)
         if set(names) <= face["properties"].keys():
-            colors = _read_rgba(face, names)[np.repeat(face_of, 3)]
+            colors = _read_rgba(face, names, resolver)[np.repeat(face_of, 3)]
             return replace(split_corners(surface), colors=colors, color=WHITE, is_see_through=True)
     return surface
 
 
-def _read_rgba(element: dict[str, Any], names: tuple[str, ...]) -> NDArray[np.float32]:
-    """Returns the colours `names` as RGBA `(rows, 4)`, with the property `alpha` unless it is 0 everywhere."""
-    colors = add_alpha(normalise(_stack(element, *names)))
-    if "alpha" in element["properties"]:
-        alpha = normalise(_stack(element, "alpha"))[:, 0]
-        colors[:, 3] = np.clip(alpha, 0.0, 1.0) if alpha.any() else 1.0
+def _read_rgba(element: dict[str, Any], names: tuple[str, ...], resolver: Resolver) -> NDArray[np.float32]:
+    """Returns the colours `names` as RGBA `(rows, 4)`, with the first of `_ALPHAS` unless it is 0 everywhere."""
+    colors = add_alpha(scale_levels(normalise(_stack(element, *names)), resolver))
+    for name in _ALPHAS:
+        if name in element["properties"]:
+            alpha = scale_levels(normalise(_stack(element, name)), resolver)[:, 0]
+            colors[:, 3] = np.clip(alpha, 0.0, 1.0) if alpha.any() else 1.0
+            break
     return colors

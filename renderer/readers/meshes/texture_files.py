@@ -13,6 +13,7 @@ import numpy as np
 from ciir.errors import InputError, TooLarge
 from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers import pictures
+from ciir.renderer.readers.bundle import Folder
 from ciir.renderer.readers.meshes.texture_formats import find_texture_format
 from ciir.renderer.readers.names import clean_text, resolve_key
 from ciir.renderer.scene import Texture, Wrap
@@ -26,6 +27,8 @@ MAX_SIDE = 16_384
 """The most pixels along one side of a texture: the smallest limit of the OpenGL drivers that were tried."""
 MOST_WORK = 4
 """How many times the pixel limit of all textures may be decoded. Textures over the limit are scaled down afterwards."""
+FIRST_TILE = "1001"
+"""The number of the UDIM tile at texture coordinates from 0 to 1."""
 MAX_NOTES = 50
 _FULL = f"over {MAX_NOTES} things were left out or replaced; the rest are not listed"
 
@@ -100,14 +103,21 @@ class Resolver:
         """Returns why there is no file called `name`, and the remedy."""
         if resolve_key(_portable(name), self._folder) is None:
             return "is outside what was given", "put it next to the mesh"
-        return "is missing", "give a zip that holds it"
+        return "is missing", "put it next to the mesh" if isinstance(
+            self._files, Folder
+        ) else "give a zip that holds it"
 
     def find_or_note(self, name: str, what: str) -> bytes | None:
-        """Finds a file as `find` does, and adds a note if it is missing. `what` names the kind of file in the note."""
-        data = self.find(name)
+        """Finds a file as `find` does, and adds a note if it is missing. `what` names the kind of file in the note. The
+        first tile is taken of a texture in tiles (UDIM).
+        """
+        first = name.replace("<UDIM>", FIRST_TILE)
+        data = self.find(first)
         if data is None:
-            why, remedy = self.explain_missing(name)
-            self.add_note(f"{what} {clean_text(name)} {why} and is left out; {remedy}")
+            why, remedy = self.explain_missing(first)
+            self.add_note(f"{what} {clean_text(first)} {why} and is left out; {remedy}")
+        elif first != name:
+            self.add_note(f"{what} {clean_text(name)}: only tile {FIRST_TILE} is drawn, on all faces; bake one picture")
         return data
 
     def load_texture(

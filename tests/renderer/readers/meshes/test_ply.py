@@ -74,6 +74,35 @@ def test_vertex_colours_of_every_type(kind: str, full: int) -> None:
     assert part.colors == pytest.approx(np.tile([FRONT, 0, FRONT, 1], (4, 1)))
 
 
+@pytest.mark.parametrize(
+    "names", [("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"), tuple("rgb")]
+)
+@pytest.mark.parametrize("of_faces", [False, True])
+def test_float_colours_in_levels_are_noted(of_faces: bool, names: tuple[str, str, str]) -> None:
+    colour = "".join(f"property float {name}\n" for name in names)
+    for levels, notes in (
+        ("255 51 0", ("vertex colours above 1 are taken as levels from 0 to 255",)),
+        ("1.0 0.2 0", ()),
+        ("nan 0.2 0", None),
+    ):
+        if of_faces:
+            data = ascii_square(XYZ, PLAIN_ROWS, FACE + colour, f"3 0 1 2 {levels}\n3 0 2 3 {levels}\n")
+        else:
+            data = ascii_square(XYZ + colour, [f"{row} {levels}" for row in PLAIN_ROWS])
+        scene = read(data)
+        red = 0 if notes is None else FRONT
+        assert scene.parts[0].colors[0] == pytest.approx([red, 0.2 * FRONT, 0, 1])
+        assert notes is None or scene.notes == notes
+
+
+@pytest.mark.parametrize(("kind", "half"), [("uchar", "102"), ("float", "0.4"), ("float", "102.0")])
+@pytest.mark.parametrize("name", ["a", "alpha"])
+def test_colours_named_by_letters_have_an_alpha(name: str, kind: str, half: str) -> None:
+    vertex = XYZ + "".join(f"property {kind} {channel}\n" for channel in ("r", "g", "b", name))
+    (part,) = read(ascii_square(vertex, [f"{row} 0 0 0 {half}" for row in PLAIN_ROWS])).parts
+    assert part.colors == pytest.approx(np.tile([0, 0, 0, 0.4], (4, 1)))
+
+
 @pytest.mark.parametrize(("alpha", "expected"), [([51] * 4, [0.2] * 4), ([255] * 4, [1] * 4), ([0] * 4, [1] * 4)])
 def test_alpha_of_vertices_is_see_through_unless_it_is_0_throughout(alpha: list[int], expected: list[float]) -> None:
     vertex = XYZ + "".join(f"property uchar {name}\n" for name in ("red", "green", "blue", "alpha"))

@@ -68,6 +68,23 @@ def test_a_name_that_two_files_have_is_missing() -> None:
     assert resolver.notes == ["texture skin.png is missing and is left out; give a zip that holds it"]
 
 
+def test_a_file_missing_in_a_folder_must_be_put_there(tmp_path) -> None:
+    resolver = Resolver(Folder(tmp_path, DEFAULT_LIMITS), "a.obj")
+    assert resolver.find_or_note("skin.png", "texture") is None
+    assert resolver.notes == ["texture skin.png is missing and is left out; put it next to the mesh"]
+
+
+def test_the_first_tile_is_taken_of_a_texture_in_tiles() -> None:
+    resolver = Resolver({"a.obj": b"", "t/wood.1001.png": b"1", "t/wood.1002.png": b"2"}, "a.obj")
+    assert resolver.find_or_note("t/wood.<UDIM>.png", "texture") == b"1"
+    assert resolver.find_or_note("oak.<UDIM>.png", "texture") is None
+    assert resolver.find_or_note("t/wood.1002.png", "texture") == b"2"
+    assert resolver.notes == [
+        "texture t/wood.<UDIM>.png: only tile 1001 is drawn, on all faces; bake one picture",
+        "texture oak.1001.png is missing and is left out; give a zip that holds it",
+    ]
+
+
 def test_too_many_files_beside_a_mesh_are_not_searched(tmp_path) -> None:
     for number in range(5):
         (tmp_path / f"{number}.txt").touch()
