@@ -12,7 +12,7 @@ from ciir.errors import InvalidGeometry, NothingVisible, TooLarge, Unreadable
 from ciir.renderer.copies import MAX_COPIED, place_copies
 from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.scene import Part, Scene, Texture
-from ciir.renderer.shading import CREASE, LIGHT, compute_normals, decode_srgb, normalize, shade
+from ciir.renderer.shading import CREASE, LIGHT, compute_normals, cross, decode_srgb, is_solid, normalize, shade
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -23,7 +23,7 @@ MAX_COORDINATE = 1e9
 """Largest absolute coordinate, in the file's own units."""
 MAX_TEXTURE_COORDINATE = 1e4
 """Largest absolute texture coordinate: beyond it float32 no longer separates neighbouring pixels."""
-Back = Literal["front", "lit", "hidden"]
+Back = Literal["either", "lit", "hidden"]
 Color = tuple[float, float, float, float]
 """RGBA, display-referred, [0, 1]."""
 WHITE: Color = (1.0, 1.0, 1.0, 1.0)
@@ -54,9 +54,10 @@ class Surface:
     is_see_through: bool = False
     lit: bool = True
     """False for a material that is not shaded."""
-    back: Back = "front"
-    """What is seen from behind, where corners run clockwise: the same as from the front, the same lit with reversed
-    normals, or nothing."""
+    back: Back = "either"
+    """What is seen from behind, where corners run clockwise: `lit` is the same as from the front, lit with reversed
+    normals, and `hidden` is nothing. `either` is `lit` with the front where given normals point, however corners
+    run."""
     is_interpolated_linearly: bool = False
     """Whether colours between vertices are means of linear colours; otherwise of display-referred ones."""
     copies: NDArray[np.float64] | None = None
@@ -158,22 +159,30 @@ def _check_surface(surface: Surface, name: str, unusable: Counter[str]) -> Surfa
             f"{name}: a face names vertex {int(faces.max() if faces.min() >= 0 else faces.min())} "
             f"but there are {len(vertices):,}; export the mesh again"
         )
-    corners = vertices[faces]
+    corners = vertices.take(faces, axis=0)
     _check_coordinates(corners, name)
     edges = np.roll(corners, -1, axis=1) - corners
-    doubled_area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    across = cross(edges[:, 0], edges[:, 1])  # (m, 3), towards the front, as long as twice the area
     longest = np.einsum("mci,mci->mc", edges, edges).max(axis=1)
-    faces = faces[doubled_area > _ZERO_AREA * longest]
+    kept = np.linalg.norm(across, axis=1) > _ZERO_AREA * longest
+    if surface.back == "either" and surface.normals is not None:
+        is_reversed = np.einsum("mi,mci->m", across, surface.normals.take(faces, axis=0)) < 0
+        faces = np.where(is_reversed[:, None], faces[:, ::-1], faces)
+    faces = faces[kept]
 
-    used = np.zeros(len(vertices), bool)
-    used[faces] = True
-    renumbered = np.cumsum(used) - 1
-    taken = _select_vertices(surface, np.flatnonzero(used), renumbered[faces])
+    taken = _select_vertices(surface, *_find_used(faces, len(vertices)))
     return replace(
         taken,
         colors=_zero_unusable(taken.colors, "colour", unusable),
         uv=_zero_unusable(taken.uv, "texture coordinate", unusable),
     )
+
+
+def _find_used(faces: NDArray[np.int64], count: int) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
+    """Returns those of `count` vertices that the faces use, and the faces with their numbers among these."""
+    is_used = np.zeros(count, bool)  # several times faster than np.unique
+    is_used[faces] = True
+    return np.flatnonzero(is_used), (np.cumsum(is_used) - 1).take(faces)
 
 
 def _zero_unusable(values: NDArray[Any] | None, what: str, unusable: Counter[str]) -> NDArray[Any] | None:
@@ -193,11 +202,11 @@ def _select_vertices(surface: Surface, index: NDArray[np.integer], faces: NDArra
     """Returns the surface of `faces` on the vertices `index`."""
     return replace(
         surface,
-        vertices=surface.vertices[index],
+        vertices=surface.vertices.take(index, axis=0),
         faces=faces,
-        normals=None if surface.normals is None else surface.normals[index],
-        colors=None if surface.colors is None else surface.colors[index],
-        uv=None if surface.uv is None else surface.uv[index],
+        normals=None if surface.normals is None else surface.normals.take(index, axis=0),
+        colors=None if surface.colors is None else surface.colors.take(index, axis=0),
+        uv=None if surface.uv is None else surface.uv.take(index, axis=0),
     )
 
 
@@ -231,11 +240,16 @@ def _compute_normals(surfaces: list[Surface], bare: list[int]) -> None:
         np.concatenate([surfaces[i].faces + start for i, start in zip(bare, vertex_start, strict=False)]),
         surfaces[bare[0]].crease,
     )
+    first = old = int(vertex_start[-1])  # the first vertex that was split off for a surface: they are in order
     for n, i in enumerate(bare):
         own = faces[face_start[n] : face_start[n + 1]]
-        index, local = np.unique(own, return_inverse=True)
-        taken = _select_vertices(surfaces[i], source[index] - vertex_start[n], local.reshape(-1, 3))
-        surfaces[i] = replace(taken, normals=normals[index])
+        vertices = np.append(np.arange(*vertex_start[n : n + 2]), np.arange(first, int(own.max()) + 1))
+        count = len(surfaces[i].vertices)
+        used, local = _find_used(np.where(own < old, own - vertex_start[n], own - first + count), len(vertices))
+        index, first = vertices[used], first + len(vertices) - count
+        surfaces[i] = replace(
+            _select_vertices(surfaces[i], source[index] - vertex_start[n], local), normals=normals.take(index, axis=0)
+        )
 
 
 def _bake_light(surface: Surface, light: NDArray[np.float64]) -> Part:
@@ -243,21 +257,25 @@ def _bake_light(surface: Surface, light: NDArray[np.float64]) -> Part:
     colors = np.broadcast_to(np.asarray(surface.color, np.float32), (len(surface.vertices), 4)).copy()
     if surface.colors is not None:
         colors *= surface.colors
+    texture = None if surface.uv is None else surface.texture
+    # Many exporters mark materials as see-through that are opaque throughout.
+    is_see_through = surface.is_see_through and bool(
+        colors[:, 3].min() < 1.0 or (texture is not None and texture.pixels[..., 3].min() < 255)
+    )
+    is_opaque = surface.alpha_cutoff is None and not is_see_through
     back_colors = None
     if surface.lit and surface.normals is not None:
-        if surface.back == "lit":
+        shows_back = surface.back == "lit" or (
+            surface.back == "either" and not (is_opaque and is_solid(surface.vertices, surface.faces))
+        )
+        if shows_back:
             back_colors = np.clip(colors[:, :3] * shade(-surface.normals, light)[:, None], 0.0, 1.0)
         colors[:, :3] *= shade(surface.normals, light)[:, None]
     colors = np.clip(colors, 0.0, 1.0)
     if surface.is_interpolated_linearly:
         colors[:, :3] = decode_srgb(colors[:, :3])
         back_colors = None if back_colors is None else decode_srgb(back_colors)
-    texture = None if surface.uv is None else surface.texture
-    # Many exporters mark materials as see-through that are opaque throughout.
-    is_see_through = surface.is_see_through and bool(
-        colors[:, 3].min() < 1.0 or (texture is not None and texture.pixels[..., 3].min() < 255)
-    )
-    if surface.alpha_cutoff is None and not is_see_through:
+    if is_opaque:
         colors[:, 3] = 1.0
     return Part(
         vertices=surface.vertices,

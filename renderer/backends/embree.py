@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
     RayBatch = tuple[slice, NDArray[np.float64], NDArray[np.float64]]
     """Slice of the rays, their origins `(n, 3)` and their direction `(3,)`."""
+    Hits = tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]
+    """Triangle, u, v, distance and side, as `PreparedScene._find_hits` returns them."""
 
 Value = TypeVar("Value", np.uint8, np.float32)
 
@@ -71,12 +73,8 @@ class PreparedScene:
         """Number of rays that ended at `MAX_LAYERS`."""
         self.faces = np.concatenate([part.faces + first[i] for i, part in enumerate(parts)]).astype(np.int32)  # (m, 3)
         self.colors = np.concatenate([part.colors for part in parts])  # (n, 4)
-        self._back: NDArray[np.float32] | None = None  # (n, 4)
-        if any(part.back_colors is not None for part in parts):
-            rgb = [part.colors[:, :3] if part.back_colors is None else part.back_colors for part in parts]
-            self._back = np.concatenate([np.concatenate(rgb), self.colors[:, 3:]], axis=1)
-            corners = vertices[self.faces]
-            self._normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])  # (m, 3), any length
+        self._parts = parts
+        self._has_backs = any(part.hides_back or part.back_colors is not None for part in parts)
         self.uv = np.concatenate(
             [np.zeros((len(part.vertices), 2), np.float32) if part.uv is None else part.uv for part in parts]
         )  # (n, 2)
@@ -97,36 +95,40 @@ class PreparedScene:
         placed: NDArray[np.float32] = ((points - self._middle) * self._scale).astype(np.float32)
         return placed
 
-    def _find_hits(
-        self, origins: NDArray[np.float32], directions: NDArray[np.float32]
-    ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-        """Returns the triangle of each ray's first hit or -1, its barycentric coordinates u and v there, and its
-        distance, `(n,)` each. Rays pass through hidden backs. Other threads can run meanwhile.
+    def _find_hits(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Hits:
+        """Returns the triangle of each ray's first hit or -1, its barycentric coordinates u and v there, its distance,
+        and whether it is on the back, `(n,)` each. Rays pass through hidden backs. Other threads can run meanwhile.
         """
-        hit = self._embree.run(origins, directions, output=1)
-        found = hit["primID"], hit["u"], hit["v"], hit["tfar"]
+        found = self._run(origins, directions)
         if not self._hides_back.any():
             return found
-        onward = self._turn_to_fronts(found, self._find_hidden(hit["primID"], hit["Ng"], directions))
+        onward = self._turn_to_fronts(found, self._find_hidden(found))
         for _ in range(MAX_LAYERS):
             if not len(onward):
                 return found
             passed = found[3][onward] + np.float32(STEP)
             along = directions[onward]
-            hit = self._embree.run(origins[onward] + passed[:, None] * along, along, output=1)
-            for values, key in zip(found, ("primID", "u", "v", "tfar"), strict=True):
-                values[onward] = hit[key]
+            hit = self._run(origins[onward] + passed[:, None] * along, along)
+            for values, new in zip(found, hit, strict=True):
+                values[onward] = new
             found[3][onward] += passed
-            onward = self._turn_to_fronts(found, onward[self._find_hidden(hit["primID"], hit["Ng"], along)])
+            onward = self._turn_to_fronts(found, onward[self._find_hidden(hit)])
         found[0][onward] = -1
         self.passed += len(onward)
         return found
 
-    def _find_hidden(
-        self, triangle: NDArray[np.int32], normals: NDArray[np.float32], along: NDArray[np.float32]
-    ) -> NDArray[np.intp]:
-        """Returns the rays that hit a hidden back. `normals`: of what each ray hits, `(n, 3)`, of any length."""
-        is_back = np.einsum("nk,nk->n", normals, along) > 0
+    def _run(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Hits:
+        """Returns the first hits as `_find_hits` does, but those on hidden backs too."""
+        hit = self._embree.run(origins, directions, output=1)
+        if self._has_backs:
+            is_back = np.einsum("nk,nk->n", hit["Ng"], directions) > 0
+        else:
+            is_back = np.zeros(len(origins), np.bool_)
+        return hit["primID"], hit["u"], hit["v"], hit["tfar"], is_back
+
+    def _find_hidden(self, hits: Hits) -> NDArray[np.intp]:
+        """Returns the rays that hit a hidden back."""
+        triangle, *_, is_back = hits
         if not is_back.any():  # the usual case: the object is closed
             return np.flatnonzero(is_back)
         back = np.flatnonzero(is_back & (triangle >= 0))
@@ -134,26 +136,28 @@ class PreparedScene:
         return hidden
 
     @cached_property
+    def _back(self) -> NDArray[np.float32]:
+        """The colours of the backs, `(n, 4)`."""
+        rgb = [part.colors[:, :3] if part.back_colors is None else part.back_colors for part in self._parts]
+        return np.concatenate([np.concatenate(rgb), self.colors[:, 3:]], axis=1)
+
+    @cached_property
     def _fronts(self) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
         return find_reverses(self._vertices, self.faces)
 
-    def _turn_to_fronts(
-        self,
-        found: tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]],
-        hidden: NDArray[np.intp],
-    ) -> NDArray[np.intp]:
+    def _turn_to_fronts(self, found: Hits, hidden: NDArray[np.intp]) -> NDArray[np.intp]:
         """Replaces the hits `hidden` of `found`, on backs, by fronts at the same places; returns those without a
         front.
         """
         if not len(hidden):
             return hidden
         place, fronts = self._fronts
-        triangle, u, v, _ = found
+        triangle, u, v, _, is_back = found
         front = fronts[triangle[hidden]]
         met, new = hidden[front >= 0], front[front >= 0]
         is_same = place[self.faces[new]][:, :, None] == place[self.faces[triangle[met]]][:, None, :]  # (n, 3, 3)
         weights = np.einsum("nij,nj->ni", is_same, _weigh_corners(u[met], v[met]))
-        triangle[met], u[met], v[met] = new, weights[:, 1], weights[:, 2]
+        triangle[met], u[met], v[met], is_back[met] = new, weights[:, 1], weights[:, 2], False
         return hidden[front < 0]
 
     def _enter(
@@ -181,7 +185,7 @@ class PreparedScene:
         `origins`, `direction`: as in `cast`. Cut-out and see-through triangles count too.
         """
         _, entries, along = self._enter(origins, direction)
-        triangle, u, v, _ = self._find_hits(entries, along)
+        triangle, u, v, *_ = self._find_hits(entries, along)
         return triangle, _weigh_corners(u, v)
 
     def cast(
@@ -200,18 +204,18 @@ class PreparedScene:
         rgba = np.zeros((len(origins), 4), np.float32)
         reached = np.full(len(origins), np.inf, np.float32)  # from the entry, in Embree's units
         if not self._lets_through:  # the usual case, in one pass
-            triangle, u, v, distance = self._find_hits(entries, along)
+            triangle, u, v, distance, is_back = self._find_hits(entries, along)
             hit = np.flatnonzero(triangle >= 0)
-            rgba[hit] = self._shade(triangle[hit], _weigh_corners(u[hit], v[hit]), along, hit)[0]
+            rgba[hit] = self._shade(triangle[hit], _weigh_corners(u[hit], v[hit]), is_back[hit])[0]
             reached[hit] = distance[hit]
             return rgba, entry + reached / self._scale
         starts, passed = entries, np.zeros(len(origins), np.float32)
         through = np.ones(len(origins), np.float32)  # share of the light from behind that comes through
         active, last = np.arange(len(origins)), np.full(len(origins), -1)
         for _ in range(MAX_LAYERS):
-            triangle, u, v, distance = self._find_hits(starts, along)
+            triangle, u, v, distance, is_back = self._find_hits(starts, along)
             hit = np.flatnonzero(triangle >= 0)
-            color, alpha = self._shade(triangle[hit], _weigh_corners(u[hit], v[hit]), along, hit)
+            color, alpha = self._shade(triangle[hit], _weigh_corners(u[hit], v[hit]), is_back[hit])
             alpha[triangle[hit] == last[hit]] = 0.0  # met again by rounding
             ray = active[hit]
             rgba[ray] += (through[ray] * alpha)[:, None] * color
@@ -234,29 +238,20 @@ class PreparedScene:
         if self._lets_through:
             return (self.cast(origins, direction)[0] * 255.0 + 0.5).astype(np.uint8)
         _, entries, along = self._enter(origins, direction)
-        triangle, u, v, _ = self._find_hits(entries, along)
+        triangle, u, v, _, is_back = self._find_hits(entries, along)
         hit = np.flatnonzero(triangle >= 0)
-        color = self._shade(triangle[hit], _weigh_corners(u[hit], v[hit]), along, hit)[0] * 255.0 + 0.5
+        color = self._shade(triangle[hit], _weigh_corners(u[hit], v[hit]), is_back[hit])[0] * 255.0 + 0.5
         levels = np.zeros(len(origins), np.uint32)  # whole RGBA: faster to scatter
         levels[hit] = color.astype(np.uint8).view(np.uint32).ravel()
         return levels.view(np.uint8).reshape(-1, 4)
 
     def _shade(
-        self,
-        triangle: NDArray[np.int32],
-        weights: NDArray[np.float32],
-        along: NDArray[np.float32],
-        hit: NDArray[np.intp],
+        self, triangle: NDArray[np.int32], weights: NDArray[np.float32], is_back: NDArray[np.bool_]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Returns RGBA of hits `(n, 4)`, with alpha 1, and the share of what is behind them that they hide, `(n,)`.
-
-        `along`: the directions of all rays `(m, 3)`, which decide whether the front or the back of a triangle is seen.
-        `hit`: the rays that `triangle` is for, `(n,)`.
-        """
+        """Returns RGBA of hits `(n, 4)`, with alpha 1, and the share of what is behind them that they hide, `(n,)`."""
         corners = self.faces.take(triangle, axis=0)  # (n, 3)
         product = np.einsum("nk,nkc->nc", weights, self.colors.take(corners, axis=0))  # (n, 4)
-        if self._back is not None:
-            is_back = np.einsum("nk,nk->n", self._normals[triangle], along[hit]) > 0
+        if is_back.any():
             product[is_back] = np.einsum("nk,nkc->nc", weights[is_back], self._back[corners[is_back]])
         part = self.part.take(triangle)
         if self._is_linear.any():

@@ -93,9 +93,10 @@ def _cheese() -> Surface:
     rim = np.concatenate([number[0, :-1], number[:-1, -1], number[-1, :0:-1], number[:0:-1, 0]])
     following = np.roll(rim, -1)
     below = rim + count * count, following + count * count
-    sides = np.concatenate([np.stack([rim, following, below[1]], 1), np.stack([rim, below[1], below[0]], 1)])
+    sides = np.concatenate([np.stack([following, rim, below[1]], 1), np.stack([below[1], rim, below[0]], 1)])
     faces = np.concatenate([faces, faces[:, ::-1] + count * count, sides])
-    return Surface(np.concatenate([top, under]), faces, color=(0.98, 0.72, 0.16, 1.0))
+    # The bend is steep, and the rim square.
+    return Surface(np.concatenate([top, under]), faces, color=(0.98, 0.72, 0.16, 1.0), crease=75.0)
 
 
 def _tomato(x: float, z: float) -> Surface:

@@ -61,6 +61,7 @@ def sample_curve(points: ArrayLike, count: int) -> NDArray[np.float64]:
     before, start, end, after = (p[i + k] for k in range(4))
     square, cube = 2 * before - 5 * start + 4 * end - after, 3 * start - before - 3 * end + after
     points_between: NDArray[np.float64] = 0.5 * (2 * start + (end - before) * t + square * t**2 + cube * t**3)
+    points_between[-1] = p[-2]  # exactly, so that what is revolved is closed
     return points_between
 
 

@@ -1,13 +1,17 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import trimesh
 
 from ciir.errors import InvalidGeometry, TooLarge, Unreadable
-from ciir.renderer.scene import Texture
+from ciir.renderer.scene import Part, Texture
 from ciir.renderer.shading import shade
-from ciir.renderer.surface import MAX_COORDINATE, Surface, assemble_scene
+from ciir.renderer.surface import MAX_COORDINATE, Back, Surface, assemble_scene
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 FACES = np.array([[0, 1, 2], [0, 2, 3]])
+CUBE, CUBE_FACES = np.array(trimesh.creation.box().vertices), np.array(trimesh.creation.box().faces)
 FRONT = float(shade(np.array([[0.0, 0, 1]]))[0])
 
 
@@ -141,3 +145,51 @@ def test_many_surfaces_with_the_same_error_make_one_note() -> None:
     assert assemble_scene([bad] * 3, name="a").notes == (
         "12 vertices have a colour that is NaN, infinite or too large: read as 0",
     )
+
+
+@pytest.mark.parametrize("back", ["either", "lit", "hidden"])
+def test_the_front_is_where_given_normals_point_if_either_side_may_be(back: Back) -> None:
+    faces = np.array([FACES[0], FACES[1, ::-1]])
+    normals = np.tile([0.0, 0.0, 2.0], (4, 1))
+    (part,) = assemble_scene([Surface(SQUARE, faces, normals=normals, back=back)], name="a").parts
+    assert find_turned(part).tolist() == [False, back != "either"]
+    assert part.hides_back == (back == "hidden")
+
+
+def find_turned(part: Part) -> np.ndarray:
+    """Returns whether the front of each face is below."""
+    a, b, c = part.vertices[part.faces].swapaxes(0, 1)
+    return np.cross(b - a, c - a)[:, 2] < 0
+
+
+def test_backs_that_are_never_seen_have_no_colours() -> None:
+    def has_backs(**changes: object) -> bool:
+        surface = replace(Surface(CUBE, CUBE_FACES), **changes)  # type: ignore[arg-type]
+        (part,) = assemble_scene([surface], name="a").parts
+        if part.back_colors is not None:
+            front = part.colors[:, :3] / surface.color[:3]
+            assert part.back_colors / surface.color[:3] == pytest.approx(2 * 0.6 - front)  # 0.6: the ambient light
+        return part.back_colors is not None
+
+    assert not has_backs()
+    assert not has_backs(lit=False, faces=CUBE_FACES[1:])
+    assert not has_backs(back="hidden", faces=CUBE_FACES[1:])
+    assert has_backs(back="lit")
+    assert has_backs(faces=CUBE_FACES[1:])
+    assert has_backs(faces=CUBE_FACES[:, ::-1])
+    assert has_backs(is_see_through=True, color=(0.5, 1.0, 1.0, 0.5))
+    assert has_backs(alpha_cutoff=0.5)
+    assert not has_backs(copies=np.stack([np.eye(4), np.diag([-1.0, 2, 3, 1])]))
+
+
+def test_normals_over_several_surfaces_are_those_of_each_corner() -> None:
+    shifts = (0, 3, 6)
+    surfaces = [Surface(CUBE + shift, CUBE_FACES, color=(0.1 + shift / 10, 0, 0, 1)) for shift in shifts]
+    smooth = Surface(SQUARE + 9, FACES, color=(0, 1, 0, 1))
+    (part, square) = assemble_scene([surfaces[0], smooth, *surfaces[1:]], name="a").parts
+    assert len(square.vertices) == 4
+    for number, surface in enumerate(surfaces):
+        (alone,) = assemble_scene([surface], name="a").parts
+        faces = part.faces[12 * number : 12 * number + 12]
+        assert np.array_equal(part.vertices[faces], alone.vertices[alone.faces])
+        assert np.array_equal(part.colors[faces], alone.colors[alone.faces])

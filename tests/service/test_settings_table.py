@@ -15,6 +15,7 @@ def test_the_page_is_current():
 
 OTHERS = {
     "renderer.backends.opengl.MAX_SIDE": "larger pictures are rendered by Embree",
+    "renderer.shading.MAX_FACES": "more faces at a position are flat",
     "renderer.sampling.MAX_SAMPLES": "no request reaches it",
     "renderer.readers.meshes.texture_files.MAX_NOTES": "limits the notes of a report",
 }

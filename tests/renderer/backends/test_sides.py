@@ -1,11 +1,12 @@
-"""The backs of glTF's materials: lit with reversed normals where they are double-sided, else hidden (glTF 2.0, section
-3.9.5).
+"""The backs of faces: lit with reversed normals, but hidden for glTF's materials that aren't double-sided (glTF 2.0,
+section 3.9.5).
 """
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 
 from ciir.renderer.backends.culling import cull_scene
 from ciir.renderer.backends.embree import PASSED, RaytraceBackend
@@ -15,7 +16,7 @@ from ciir.renderer.placement import Placement
 from ciir.renderer.readers import meshes
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.registry import SUFFIXES
-from ciir.renderer.scene import Part, Scene
+from ciir.renderer.scene import Part, Scene, Texture
 from ciir.renderer.shading import LIGHT, encode_srgb, shade
 from tests.support.backends import BACKENDS, place_scene, require_backend
 from tests.support.meshes.gltf import Model
@@ -119,3 +120,55 @@ def test_a_box_whose_walls_face_inwards_is_lit_as_any_box(backend: str) -> None:
     levels = 255 * encode_srgb(np.array(0.8)) * shade(np.array([[0.0, 0, 1], [-1, 0, 0], [0, 1, 0]]))
     found = np.unique(picture[picture[..., 3] == 255, 0])
     assert found == pytest.approx(np.sort(levels), abs=1)
+
+
+def place_file(name: str, data: bytes, yaw: float) -> Scene:
+    """A mesh file, turned by `yaw` degrees before `ARRAY`."""
+    placement = Placement(rotate=(yaw, 0, 0))
+    scene = meshes.read(Bundle(name, name, {name: data}), name, SUFFIXES[name[-4:]], placement)
+    return scene.transform(frame_scene(scene, ARRAY, placement))
+
+
+SQUARE = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+SHEETS = {
+    "without normals.obj": SQUARE + b"f 1 2 3 4\n",
+    "normals.obj": SQUARE + b"vn 0 0 1\nf 1//1 2//1 3//1 4//1\n",
+    "normals that contradict the corners.obj": SQUARE + b"vn 0 0 1\nf 4//1 3//1 2//1 1//1\n",
+    "two sheets.obj": SQUARE + b"f 1 2 3 4\nf 4 3 2 1\n",
+    "a.off": b"OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n",
+} | {
+    f"a.{suffix}": trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 1, 2]]).export(file_type=suffix)
+    for suffix in ("ply", "stl")
+}
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("name", SHEETS)
+@pytest.mark.parametrize("yaw", [0.0, 40.0, 140.0, 180.0])
+def test_both_sides_are_lit_in_other_formats(name: str, backend: str, yaw: float) -> None:
+    (picture,) = require_backend(backend).render_views(place_file(name, SHEETS[name], yaw), ARRAY, [(1, 1)])
+    covered = picture[..., 3] == 255
+    assert covered.any()
+    assert picture[covered, :3] == pytest.approx(0.8 * expect_level(yaw, double=True), abs=1)  # 8 bit
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_closed_mesh_that_is_inside_out_looks_as_any(backend: str) -> None:
+    ball = trimesh.creation.icosphere(2)
+    views = []
+    for faces in (ball.faces, ball.faces[:, ::-1]):
+        data = trimesh.Trimesh(ball.vertices, faces, process=False).export(file_type="ply")
+        views += require_backend(backend).render_views(place_file("a.ply", data, 0), ARRAY, [(1, 1)])
+    assert np.ptp(views[0][..., 0]) > 50
+    assert np.abs(views[0].astype(int) - views[1]).max() <= 1
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_backs_behind_cut_out_faces_are_lit(backend: str) -> None:
+    front, back = make_sheet(-20, (0.2, 0, 0, 1), hides_back=False), make_sheet(-20, (0.9, 0, 0, 1)).colors[:, :3]
+    texture = Texture(np.array([[[255] * 4, [255, 255, 255, 0]]], np.uint8), is_nearest=True)
+    uv = np.float32([[0, 0], [1, 0], [1, 1], [0, 1]])
+    cut = replace(front, back_colors=back, texture=texture, uv=uv, alpha_cutoff=0.5)
+    behind = replace(cut, vertices=cut.vertices - [0, 0, 5], faces=cut.faces[:, ::-1], uv=1 - uv)
+    (picture,) = require_backend(backend).render_views(Scene((cut, behind)), ARRAY, [(1, 1)])
+    assert picture[6, [2, 9], 0] == pytest.approx([0.2 * 255, 0.9 * 255], abs=1)

@@ -19,7 +19,7 @@ BACKGROUND = (40, 60, 90)
 FAR = 300.0
 """From the lenses to the eye, millimetres."""
 EYES = [(0, 0, FAR), (-22, 0, FAR), (22, 0, FAR), (0, 20, FAR), (15, -15, FAR + 20)]
-LIMIT = 35.0
+LIMIT = 34.5
 """dB."""
 
 

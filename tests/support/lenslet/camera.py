@@ -34,10 +34,10 @@ class Camera:
         origins = np.stack([x, -y, np.zeros(len(x))], axis=1)
         directions = np.stack([delta * offsets[:, 1], -delta * offsets[:, 0], -np.ones(len(x))], axis=1)
         placed, along = self.scene._to_embree(origins), directions.astype(np.float32)
-        triangle, u, v, _ = self.scene._find_hits(placed, along)
+        triangle, u, v, _, is_back = self.scene._find_hits(placed, along)
         rgb = np.broadcast_to(np.float32(self.background), (len(x), 3)).copy()
         hit = np.flatnonzero(triangle >= 0)
-        rgb[hit] = 255 * self.scene._shade(triangle[hit], _weigh_corners(u[hit], v[hit]), along, hit)[0][:, :3]
+        rgb[hit] = 255 * self.scene._shade(triangle[hit], _weigh_corners(u[hit], v[hit]), is_back[hit])[0][:, :3]
         return rgb
 
 

@@ -127,7 +127,13 @@ def make_needle():
     return {"a.glb": model.glb()}
 
 
-@pytest.mark.parametrize("make", [make_lamp, make_namesakes, make_needle])
+def make_leaves():
+    """Two squares beside each other, the second of which shows its back."""
+    corners = b"".join(b"v %d %d 0\n" % (x, y) for x in range(3) for y in range(2))
+    return {"a.obj": corners + b"f 1 3 4 2\nf 4 6 5 3\n"}
+
+
+@pytest.mark.parametrize("make", [make_lamp, make_namesakes, make_needle, make_leaves])
 def test_the_preview_shows_materials_as_the_server_does(page, tmp_path, make):
     go_to(page, f"#file={tmp_path.name}&lenses={SIZE}x{SIZE}&show=mapped&rotate=10,0,0")
     page.reload()
