@@ -127,7 +127,7 @@ def describe_textures(textures: Sequence[Found]) -> list[str]:
     count, path = len(textures), PurePosixPath(textures[0].source)
     what = "1 picture next to or below a mesh is" if count == 1 else f"{count} pictures next to or below meshes are"
     pattern = f"{textures[0].source.removesuffix(path.name)}*{path.suffix}"
-    return [f"{what} left out as textures; to include them, give names or globs too, such as {clean_text(pattern)!r}"]
+    return [f"{what} left out as textures; to include them, give names or globs too, such as {pattern!r}"]
 
 
 def _describe(
