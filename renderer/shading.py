@@ -93,8 +93,8 @@ def is_solid(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> bool:
     """Checks whether faces `(m, 3)` enclose bodies with their fronts outside, so that no back is seen.
 
     Each edge then occurs once in each direction. Edges are added up as random numbers, which are negative in the other
-    direction, so that the sum over a closed body is 0. Bodies that follow one another in `faces` are told apart by it,
-    and each must have a positive volume; others need it only together.
+    direction, so that the sum over a closed body is 0. This sum separates bodies that follow one another in `faces`.
+    Each of them must have a positive volume; others need it only together.
     """
     corners = _hash_positions(vertices).take(faces.T)  # (3, m)
     following = corners[[1, 2, 0]]

@@ -34,7 +34,7 @@ ANGLES = 1.0, 90.0
 """Degrees that a lens may show. A lens in air is at most twice as wide as its focal length (f/0.5, by the sine
 condition), which is 90; with less than 1, only viewers over 3.7 m away have both eyes in the viewing zone."""
 DEEP = 10.0
-"""Sharp depth, in sizes of the display, above which its numbers are doubtful."""
+"""Sharp depth, in sizes of the display, above which lengths are probably in a wrong unit."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,9 @@ class IntegralDisplay:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Where the viewing zone is, in which no eye sees the image of a neighbouring lens; and doubtful numbers."""
+        """Where the viewing zone is, in which no eye sees the image of a neighbouring lens; and lengths that are
+        probably in a wrong unit.
+        """
         if math.isfinite(self.distance):
             width = 2 * self.tangent_range * (self.gap + self.distance)
             zone = f"at {self.distance:g} mm it is {width:.3g} mm wide"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from glob import has_magic
+from glob import escape, has_magic
 from itertools import groupby
 from pathlib import PurePath, PurePosixPath
 from typing import TYPE_CHECKING, Any
@@ -126,7 +126,7 @@ def describe_textures(textures: Sequence[Found]) -> list[str]:
         return []
     count, path = len(textures), PurePosixPath(textures[0].source)
     what = "1 picture next to or below a mesh is" if count == 1 else f"{count} pictures next to or below meshes are"
-    pattern = f"{textures[0].source.removesuffix(path.name)}*{path.suffix}"
+    pattern = f"{escape(textures[0].source.removesuffix(path.name))}*{path.suffix}"
     return [f"{what} left out as textures; to include them, give names or globs too, such as {pattern!r}"]
 
 

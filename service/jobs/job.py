@@ -152,7 +152,7 @@ class Job:
     def from_bytes(cls, text: bytes) -> Job:
         """Parses the output of `to_bytes`, ignoring attributes that a newer version added.
 
-        Raises `ValueError`, `LookupError` or `TypeError` for anything else.
+        Raises `ValueError`, `LookupError`, `TypeError` or `AttributeError` for anything else.
         """
         fields = dict(json.loads(text))
         for key in fields.keys() - cls.__dataclass_fields__:

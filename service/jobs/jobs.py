@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import asdict
 from typing import IO, TYPE_CHECKING, BinaryIO
 
-from ciir.errors import InvalidOption, QueueFull, QueueUnavailable, ResultExpired
+from ciir.errors import InvalidOption, NoRoom, QueueFull, QueueUnavailable, ResultExpired
 from ciir.service.jobs.disk import Disk
 from ciir.service.jobs.files import INPUTS, RECORD, RESULTS, Files, hash_content, make_folder
 from ciir.service.jobs.identity import compute_file_id, compute_id, hash_installation
@@ -123,7 +123,8 @@ class Jobs:
     def keep_file(self, name: str, file: BinaryIO, client: str = "") -> tuple[Job, bool]:
         """Keeps all bytes of `file` as the result of an ended job; returns that job, and whether it is new.
 
-        `client` is listed in the job.
+        `client` is listed in the job. Raises `NoRoom` if the file and what was used within `MIN_KEEP_SECONDS` exceed
+        `keep_bytes`.
         """
         content = hash_content(file)
         id_ = compute_file_id(name, content)
@@ -131,6 +132,12 @@ class Jobs:
             return joined, False
         self.disk.check()
         part, size = secrets.token_hex(8), file.seek(0, io.SEEK_END)
+        finished, latest = self.queue.finished.items().values(), time.time() - MIN_KEEP_SECONDS
+        if size + sum(size for used, size in map(json.loads, finished) if used > latest) > self._keep_bytes:
+            raise NoRoom(
+                f"the server keeps at most {self._keep_bytes:,} bytes of files and results, and others are in use; try "
+                "again in a minute, or send the file with each request"
+            )
         new = Job(
             id_,
             Request(name, {}, None, KEPT_FILE),
@@ -142,7 +149,11 @@ class Jobs:
             result=Result("", size, {}, content),
         )
         self.lifecycle.mark_used(new)  # before the file, so that a process that dies leaves no file that never expires
-        self.files.put(RESULTS, {new.output: file})
+        try:
+            self.files.put(RESULTS, {new.output: file})
+        except QueueUnavailable:
+            self._expire(new.input)
+            raise
         kept = self.records.update(id_, lambda job: self._join(job, client) or new) or new
         if kept.input != new.input:  # another call kept the same file in the meantime
             self._expire(new.input)

@@ -68,6 +68,6 @@ class Records:
             return None
         try:
             return Job.from_bytes(text)
-        except (ValueError, LookupError, TypeError) as error:
+        except (ValueError, LookupError, TypeError, AttributeError) as error:
             _log.warning("job %s: ignored its record, which is damaged or of another version (%s)", id_, error)
             return None

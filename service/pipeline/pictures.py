@@ -130,7 +130,7 @@ def upscale_files(
             "each of them"
             for name in several
         ]
-        + ([f"{len(averaged)} of {len(done)} pictures are {describe_average(max(averaged))}"] if averaged else [])
+        + ([describe_average("picture", averaged, len(done))] if averaged else [])
         + [ROUNDED] * is_rounded,
         "model": describe_model(name_of_model, scale),
         "skipped": describe_skipped(statistics),

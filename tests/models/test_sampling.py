@@ -8,7 +8,7 @@ from ciir.bit_depth import round_to_depth
 from ciir.models.back_projection import restore_luma
 from ciir.models.light_field.finishing import MOST, SURROUNDED
 from ciir.models.light_field.views import upscale_views
-from ciir.models.sampling import WHOLE_ROWS, Sampling, find_common_means
+from ciir.models.sampling import WHOLE_ROWS, Sampling, find_common_means, measure_misfit
 from ciir.models.sampling import find_sampling as find
 from ciir.models.single.skipping import SkipStatistics
 
@@ -267,6 +267,14 @@ def test_views_that_are_sure_need_no_other():
     network = MakingTwo(dict.fromkeys(range(25), fine))
     upscale_views(network, Black(), views, [(0, 0), (2, 2)], (5, 5), finds_sampling=True)
     assert sorted(network.made) == [0, 12]
+
+
+def test_a_misfit_in_one_part_of_a_tall_picture_counts():
+    fine = make_fine(600, 40)
+    small = np.rint(np.clip(filter_down(fine), 0, 255)).astype(np.uint8)
+    assert measure_misfit(fine, small) < 0.01
+    small[60:120] = 255 - small[60:120]
+    assert measure_misfit(fine, small) > 0.02
 
 
 def test_common_means_are_those_of_more_than_half():

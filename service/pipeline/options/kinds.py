@@ -190,8 +190,8 @@ KINDS: dict[KindName, Kind] = {
             _PICTURES,
             "tiff for a TIFF, else png",
             {
-                "model": f"a single-picture model (default {catalogue.DEFAULT}, or its int8 twin if the "
-                "processor supports it)",
+                "model": f"a single-picture model; default auto: {catalogue.FALLBACK}, or its int8 twin if the "
+                "processor supports it, averaged with bicubic interpolation if its picture doesn't fit the input",
                 "scale": "output pixels for each input pixel along a side, 1 to 8 (default 2); " + OTHER_SCALES,
                 "skip": "exact: skip pixels that can't change the result; none: compute everything (default exact)",
             },

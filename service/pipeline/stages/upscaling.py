@@ -173,15 +173,24 @@ def finishing_reasons(plan: Plan, finished: Sequence[Finishing]) -> list[str]:
             f"fusion: {fused} of {len(finished)} views are means with the upscaled views around them, as {why}"
         )
     if shares := [view.interpolated for view in finished if view.interpolated]:
-        reasons.append(f"{len(shares)} of {len(finished)} views are {describe_average(max(shares))}")
+        reasons.append(describe_average("view", shares, len(finished)))
     return reasons
 
 
-def describe_average(share: float) -> str:
-    """Says what pictures are of which bicubic interpolation makes up to `share` (`models.single.finishing`)."""
+def describe_average(what: str, shares: Sequence[float], count: int) -> str:
+    """Says that some of `count` pictures or views are means with bicubic interpolation, which has these `shares` of
+    them (`models.single.finishing`).
+    """
+    share = f"{100 * max(shares):.0f} %"
+    why = "as with noise, the errors of a JPEG or jagged edges"
+    if count == 1:
+        return (
+            f"the {what} is a mean with bicubic interpolation ({share}), because what the network made doesn't fit it, "
+            + why
+        )
     return (
-        f"means with bicubic interpolation, which makes up to {100 * share:.0f} %, because noise, the errors of a JPEG "
-        "or jagged edges would be sharpened"
+        f"{len(shares)} of {count} {what}s are means with bicubic interpolation (up to {share}), because what the "
+        f"network made doesn't fit them, {why}"
     )
 
 

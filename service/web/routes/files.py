@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 ROOT = "/v1/files"
 _ID = re.compile(r"[0-9a-f]{32}")
+_ENDS = {"failed": "failed", "cancelled": "was cancelled"}
 _log = logging.getLogger("ciir.jobs")
 
 
@@ -38,11 +39,14 @@ def open_kept(state: ServiceState, given: Upload) -> Upload:
     Raises `ResultExpired` if there is none, `TooLarge`, and `HTTPException` 409 if the job has not ended.
     """
     jobs, limit = state.engine.jobs, state.settings.max_body_bytes
-    id_ = given.file_id if _ID.fullmatch(given.file_id) else ""  # which is no file's
+    id_ = given.file_id if _ID.fullmatch(given.file_id) else ""  # no file has this id
     job = jobs.get(id_)
     if job is not None and job.state not in FINAL:
         detail = f"{upload.FILE_ID}: the job {id_} is {job.state}; send this again once it is done"
         raise HTTPException(409, detail, {"Retry-After": results.RETRY_SECONDS})
+    if job is not None and job.state in ("failed", "cancelled"):
+        why = f" ({job.problem.detail})" if job.problem is not None else ""
+        raise ResultExpired(f"{upload.FILE_ID}: the job {id_} has no result: it {_ENDS[job.state]}{why}")
     if job is not None and job.result is not None and job.result.size > limit:
         size = f"{job.result.size:,} bytes, over the limit of {limit:,}"
         raise TooLarge(f"{upload.FILE_ID}: a result of {size}; make a smaller one")

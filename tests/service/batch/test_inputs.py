@@ -70,6 +70,12 @@ def test_textures_of_meshes_are_no_inputs(meshes):
     assert describe_textures(find_textures(meshes, given, *others)) == []
 
 
+def test_the_note_on_textures_escapes_names_with_characters_of_globs(meshes):
+    place = meshes.rename(meshes.parent / "in [1]*")
+    (note,) = describe_textures(find_textures(place))
+    assert len(find(place, note.partition("such as ")[2].strip("'"))) == len(find(place)) + 2
+
+
 def test_captures_next_to_meshes_that_hold_their_textures_are_inputs(meshes):
     for name in ("eia.png", "a.lfr", "b.ply", "c.stl", "d.3mf", "fuze/raw.lfr", "fuze/film.mp4"):
         (meshes / name).touch()

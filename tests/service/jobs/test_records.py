@@ -1,6 +1,7 @@
+import json
 import logging
 
-from ciir.service.jobs.job import Event, Job, Request
+from ciir.service.jobs.job import LONG_TEXT, Event, Job, Request
 from ciir.service.jobs.records import Records
 
 NEW = Job("a", Request("upload.png", {}, None), events=(Event("queued"),))
@@ -46,3 +47,7 @@ def test_a_record_of_another_version_is_logged_and_ignored(queue, caplog):
     assert "job a" in caplog.text
     queue.jobs.put("a", b"{}")
     assert records.update("a", create) == NEW
+    damaged = json.loads(NEW.to_bytes()) | {"result": {"format": "png", "size": 1, "report": None}}
+    damaged["request"]["options"] = {"display": LONG_TEXT * "x" + "x"}
+    queue.jobs.put("a", json.dumps(damaged).encode())
+    assert records.get("a") is None

@@ -185,3 +185,26 @@ def test_a_job_has_its_own_copy(jobs):
     assert list_files(jobs) == [f"inputs/{job.input}"]
     with jobs.files.open("inputs", job.input) as own:
         assert own.read() == b"data"
+
+
+def test_a_file_that_cannot_be_stored_leaves_nothing(jobs, monkeypatch):
+    def refuse(*_):
+        raise NoRoom("full")
+
+    monkeypatch.setattr(jobs.files, "put", refuse)
+    with pytest.raises(NoRoom, match="full"):
+        keep(jobs)
+    assert not list(jobs.queue.finished.items())
+    assert list_files(jobs) == []
+
+
+def test_files_in_use_keep_within_the_limit(service, monkeypatch):
+    jobs = service.open_jobs(keep_bytes=3000)
+    set_clock(monkeypatch, 1000.0)
+    first, _ = keep(jobs, bytes(1500))
+    with pytest.raises(NoRoom, match="keeps at most 3,000 bytes of files and results"):
+        keep(jobs, bytes(1501))
+    set_clock(monkeypatch, 1061.0)
+    assert keep(jobs, bytes(1501))[1]  # the first can expire now
+    jobs.sweep()
+    assert jobs.get(first.id) is None

@@ -153,7 +153,9 @@ def test_an_id_that_is_not_kept(own, eia, monkeypatch):
     failed = post_file(own, data=eia[:60], lenses="6x9").status_code
     assert failed == 422
     (id_,) = own.engine.jobs.queue.jobs.items()
-    check_problem(post_kept(own, id_, **EIA_FIELDS), 410, remedy)
+    check_problem(
+        post_kept(own, id_, **EIA_FIELDS), 410, f"file_id: the job {id_} has no result: it failed (upload.png"
+    )
     id_ = keep_id(own, eia)
     own.engine.jobs.files.remove("results", own.engine.jobs.get(id_).output)
     check_problem(post_kept(own, id_, **EIA_FIELDS), 410, remedy)
