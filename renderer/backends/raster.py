@@ -12,8 +12,8 @@ import numpy as np
 from ciir.errors import InvalidOption
 from ciir.renderer.backends.interface import BLACK, Backend, fill_background
 from ciir.renderer.backends.opengl import Context, Drawing
+from ciir.renderer.backends.progress import ignore_progress
 from ciir.renderer.backends.projections import make_oblique_matrix, make_perspective_matrix
-from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.sampling import average_pictures, check_samples
 from ciir.renderer.scene import SOLID
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from ciir.renderer.displays.progress import Progress
+    from ciir.renderer.backends.progress import Progress
     from ciir.renderer.lens_array import LensArray
     from ciir.renderer.scene import Scene
     from ciir.renderer.views import View

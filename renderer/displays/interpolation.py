@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.renderer.displays.progress import run_parts
+from ciir.renderer.backends.progress import run_parts
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -24,9 +24,9 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 
 from ciir.errors import TooLarge, Unreadable
+from ciir.renderer.backends.progress import ignore_progress, run_parts
 from ciir.renderer.displays.integral import DEEP, Stripes
 from ciir.renderer.displays.interpolation import weigh_neighbours
-from ciir.renderer.displays.progress import ignore_progress, run_parts
 from ciir.renderer.displays.screen import FIELD_OF_VIEW
 from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers.names import clean_text
@@ -34,7 +34,7 @@ from ciir.renderer.readers.names import clean_text
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ciir.renderer.displays.progress import Progress
+    from ciir.renderer.backends.progress import Progress
     from ciir.renderer.readers.pictures import Pixels
 
 

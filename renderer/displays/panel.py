@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from ciir.renderer.backends.progress import ignore_progress, run_parts
 from ciir.renderer.displays.interpolation import interpolate_views, weigh_neighbours
 from ciir.renderer.displays.light_fields import reduce_views
-from ciir.renderer.displays.progress import ignore_progress, run_parts
 from ciir.renderer.sampling import DISPLAY_SAMPLES, check_samples
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from ciir.renderer.backends.progress import Progress
     from ciir.renderer.displays.integral import IntegralDisplay
-    from ciir.renderer.displays.progress import Progress
     from ciir.renderer.displays.rays import RayCaster
     from ciir.renderer.readers.pictures import Pixels
 

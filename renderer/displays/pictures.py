@@ -9,6 +9,7 @@ import numpy as np
 
 from ciir.bit_depth import count_unused_camera_bits, raise_levels
 from ciir.errors import InvalidOption
+from ciir.renderer.backends.progress import ignore_progress
 from ciir.renderer.displays.depth_budget import describe_directions, describe_light_field, describe_native
 from ciir.renderer.displays.devices import Quilt, resolve_quilt
 from ciir.renderer.displays.integral import IntegralDisplay, parse_display
@@ -22,13 +23,12 @@ from ciir.renderer.displays.light_fields import (
     take_row,
 )
 from ciir.renderer.displays.panel import Conversion, resample_panel
-from ciir.renderer.displays.progress import ignore_progress
 from ciir.renderer.displays.quilt import parse_grid, parse_name
 from ciir.renderer.levels import note_raising
 from ciir.renderer.limits import DEFAULT_LIMITS
 
 if TYPE_CHECKING:
-    from ciir.renderer.displays.progress import Progress
+    from ciir.renderer.backends.progress import Progress
     from ciir.renderer.displays.quilt import QuiltLayout, QuiltName
     from ciir.renderer.light_field import LightField
     from ciir.renderer.readers.pictures import Pixels

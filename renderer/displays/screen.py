@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.errors import InvalidOption
-from ciir.renderer.displays.progress import ignore_progress, run_parts
+from ciir.renderer.backends.progress import ignore_progress, run_parts
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.sampling import check_samples
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from ciir.renderer.backends.progress import Progress
     from ciir.renderer.displays.lenticular import Calibration
-    from ciir.renderer.displays.progress import Progress
     from ciir.renderer.displays.rays import RayCaster
 
 FIELD_OF_VIEW = 14.0

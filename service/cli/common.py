@@ -9,7 +9,7 @@ from threading import Event, Thread
 from typing import TYPE_CHECKING, Any
 
 from ciir.errors import InvalidOption
-from ciir.renderer.displays.progress import ignore_progress
+from ciir.renderer.backends.progress import ignore_progress
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.options import TEXT_FILES, read_description
 from ciir.renderer.writers.writer import report_json

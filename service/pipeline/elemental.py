@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ciir.renderer.displays.progress import ignore_progress
+from ciir.renderer.backends.progress import ignore_progress
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.layout import TEXT, write_text
 from ciir.renderer.writers.pictures import encode
@@ -20,7 +20,7 @@ from ciir.service.pipeline.stages.view_sources import MeshViews
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ciir.renderer.displays.progress import Progress
+    from ciir.renderer.backends.progress import Progress
     from ciir.renderer.readers.pictures import Pixels
     from ciir.service.pipeline.options import Options
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import InvalidOption
+from ciir.renderer.backends.progress import Progress, ignore_progress
 from ciir.renderer.displays.depth_budget import (
     find_shrinking,
     frame_integral,
@@ -23,7 +24,6 @@ from ciir.renderer.displays.lenticular import Calibration
 from ciir.renderer.displays.light_fields import find_row
 from ciir.renderer.displays.panel import render_panel
 from ciir.renderer.displays.pictures import USES, DisplayPicture, find_kind, find_size, find_target, show_light_field
-from ciir.renderer.displays.progress import Progress, ignore_progress
 from ciir.renderer.displays.quilt import join_views
 from ciir.renderer.displays.rays import RayCaster
 from ciir.renderer.displays.screen import Screen

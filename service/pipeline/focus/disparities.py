@@ -9,7 +9,7 @@ import numpy as np
 
 from ciir.bit_depth import count_unused_bits, raise_levels
 from ciir.errors import InvalidOption
-from ciir.renderer.displays.progress import ignore_progress
+from ciir.renderer.backends.progress import ignore_progress
 from ciir.renderer.focus.disparity import DisparityMap
 from ciir.renderer.focus.stereo.search_range import SURE, find_texture
 from ciir.renderer.focus.stereo.sweep import read_levels

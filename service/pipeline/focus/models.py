@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
-from ciir.renderer.displays.progress import ignore_progress
+from ciir.renderer.backends.progress import ignore_progress
 from ciir.renderer.focus.model import make_model
 from ciir.service.pipeline.focus.light_fields import capture, find_depths
 from ciir.service.pipeline.options import KINDS

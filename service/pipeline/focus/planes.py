@@ -8,7 +8,7 @@ import numpy as np
 
 from ciir.bit_depth import count_unused_camera_bits
 from ciir.errors import InvalidOption, TooLarge
-from ciir.renderer.displays.progress import ignore_progress
+from ciir.renderer.backends.progress import ignore_progress
 from ciir.renderer.focus.all_in_focus import focus_everywhere
 from ciir.renderer.focus.apertures import read_aperture
 from ciir.renderer.focus.occluders import make_planes

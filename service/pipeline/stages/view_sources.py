@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from ciir.renderer.displays.progress import Progress
+    from ciir.renderer.backends.progress import Progress
     from ciir.renderer.lens_array import LensArray
     from ciir.renderer.light_field import LightField
     from ciir.renderer.readers.pictures import Pixels

@@ -298,6 +298,19 @@ def test_restored_views_are_closer_to_what_was_seen_than_fused_ones():
     assert measure(Finishing(sampling=noisy)) < measure(Finishing(sampling=noisy), is_jpeg=True)
 
 
+@pytest.mark.parametrize(("dtype", "level"), [(np.uint8, 30), (np.uint16, 500)])
+def test_dark_views_are_restored_like_bright_ones(dtype, level):
+    """Noise of 0.05 was found in the raised view; in the dark one it would hide every difference."""
+    views = make_views(dtype=dtype, level=level)
+
+    def measure(sampling):
+        (picture,), _ = make_upscaler(Upscaling(Finishing(sampling=sampling), noise=level // 4), views)({}, [(2, 2)])
+        means = picture.reshape(16, 2, 18, 2, 3).mean(axis=(1, 3))
+        return np.abs(means.mean(axis=2) - views[2, 2].mean(axis=2)).mean()
+
+    assert measure(Sampling("means", 1.0, 1.0, 0.05)) < 0.7 * measure(None)
+
+
 def test_a_view_that_leaves_its_sampling_open_follows_its_block():
     views, means = make_views(), Sampling("means", 1.0, 1.0, 0.0)
     filtered = Sampling("filter", 1.0, 1.0, 0.0)

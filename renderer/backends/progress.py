@@ -1,4 +1,4 @@
-"""Makes pictures for displays in several threads and reports progress."""
+"""Works on the parts of a picture in several threads and reports progress."""
 
 from __future__ import annotations
 
