@@ -7,7 +7,7 @@ import { TEXTS } from "./texts.js";
 const KEY = "key";
 const RETRY_MILLISECONDS = 1000;
 const ENDED = ["done", "failed", "cancelled"];
-const EXPIRED = 410;
+const EXPIRED = 410, NO_ROOM = 503;
 /** @type {WeakMap<File, string>} The ids of the files that the server keeps. */
 const kept = new WeakMap();
 
@@ -163,6 +163,24 @@ async function keepFile(file, signal, report) {
   return id;
 }
 
+/**
+ * Puts a file into a form: its id, once the server keeps it, or the file itself if the server has no room to keep it.
+ * @param {FormData} form
+ * @param {File} file
+ * @param {AbortSignal} signal
+ * @param {(share: number) => void} [report]
+ */
+async function setFile(form, file, signal, report) {
+  try {
+    form.set("file_id", kept.get(file) ?? (await keepFile(file, signal, report)));
+    form.delete("file");
+  } catch (error) {
+    if (!(error instanceof Problem && error.status === NO_ROOM)) throw error;
+    form.set("file", file);
+    form.delete("file_id");
+  }
+}
+
 /** A job of the server. */
 export class Job {
   /**
@@ -182,15 +200,14 @@ export class Job {
    * @param {(share: number) => void} [report] Called with the share of the file that has been sent.
    */
   static async post(kind, form, signal, report) {
-    const file = form.get("file"), path = `/v1/${kind}`;
-    if (file instanceof File) {
-      form.delete("file");
-      form.set("file_id", kept.get(file) ?? (await keepFile(file, signal, report)));
-    }
-    const status = await post(path, form, signal).catch(async (error) => {
-      if (!(file instanceof File && error instanceof Problem && error.status === EXPIRED)) throw error;
-      form.set("file_id", await keepFile(file, signal, report));
-      return post(path, form, signal);
+    const path = `/v1/${kind}`, given = form.get("file"), file = given instanceof File ? given : null;
+    const send = () => post(path, form, signal, form.has("file") ? report : undefined);
+    if (file) await setFile(form, file, signal, report);
+    const status = await send().catch(async (error) => {
+      if (!(file && error instanceof Problem && error.status === EXPIRED)) throw error;
+      kept.delete(file);
+      await setFile(form, file, signal, report);
+      return send();
     });
     return new Job(`${path}/${status.id}`, status);
   }
