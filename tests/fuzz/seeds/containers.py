@@ -15,6 +15,7 @@ from scipy.io import savemat
 
 from ciir.renderer.readers.containers.mat import VERSION_5
 from ciir.renderer.readers.lenslet.grid import LensGrid
+from ciir.renderer.writers.containers.video import Mp4Writer
 from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.pictures import encode_png
 from ciir.renderer.writers.writer import Contents
@@ -24,7 +25,7 @@ from tests.fuzz.seeds import pack as pack_files
 from tests.support.lenslet.lytro import expose, make_metadata, pack, write_container
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from numpy.typing import NDArray
 
@@ -130,8 +131,10 @@ def eslf() -> list[bytes]:
 
 
 def mp4() -> list[bytes]:
-    """Of our writer's two codecs."""
-    return [_film("mp4", codec, "yuv420p") for codec in ("libx264", "mpeg4") if codec in av.codecs_available]
+    """Of our writer's two codecs, with its settings, which give the same bytes each time."""
+    return [
+        _film("mp4", codec, "yuv420p", settings) for codec, settings in Mp4Writer.codecs if codec in av.codecs_available
+    ]
 
 
 def matroska() -> list[bytes]:
@@ -144,13 +147,14 @@ def gif() -> list[bytes]:
     return [_film("gif", "gif", "rgb8")]
 
 
-def _film(container: str, codec: str, pixel_format: str) -> bytes:
+def _film(container: str, codec: str, pixel_format: str, settings: Mapping[str, str] | None = None) -> bytes:
     """Three frames of 16x16 pixels, the same bytes each time."""
     buffer = io.BytesIO()
     with av.open(buffer, "w", format=container) as file:
         file.flags |= cast("int", Flags.bitexact.value)
         stream = cast("av.VideoStream", file.add_stream(codec, rate=25))
         stream.height, stream.width, stream.pix_fmt = 16, 16, pixel_format
+        stream.options = {**(settings or {}), "threads": "1"}
         for number in range(3):
             frame = av.VideoFrame.from_ndarray(np.roll(noise(16, 16, 3), number, axis=1), format="rgb24")
             frame.pts = number
