@@ -46,6 +46,8 @@ class Finishing(NamedTuple):
     """The share of bicubic interpolation in a view that was upscaled by itself (`models.single.finishing`)."""
     is_fused: bool = False
     """Whether the view is a mean with the upscaled views around it (`models.light_field.fusion`)."""
+    is_matched: bool = False
+    """Whether it was also brought closer to the views around it (`models.light_field.fusion.matching`)."""
     sampling: Sampling | None = None
     """How the view appears to have been sampled; None if that is unknown."""
     disparities: Range = Range(0.0, 0.0)

@@ -14,7 +14,7 @@ from ciir.bit_depth import round_to_depth
 from ciir.errors import UnknownModel, UnsupportedScale
 from ciir.models import cards, catalogue
 from ciir.models.light_field.finishing import Finishing
-from ciir.models.light_field.fusion.views import FusingUpscaler, explain_no_fusion
+from ciir.models.light_field.fusion.views import FusingUpscaler, explain_no_fusion, is_matched
 from ciir.models.light_field.network import LightFieldNetwork
 from ciir.models.light_field.runner import Job, run_network
 from ciir.models.light_field.strides import choose_stride
@@ -118,6 +118,7 @@ def measure(
             grid,
             stride,
             fusion="never" if network_only else fusion,
+            matches=is_matched(fusion, network.card.macs_per_output_pixel),
             is_jpeg=array.is_jpeg,
             fetch=lambda absent: {view: given[view] for view in absent},
             cores=1,

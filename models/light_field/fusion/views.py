@@ -9,6 +9,7 @@ import numpy as np
 from ciir.bit_depth import count_raised_bits, lower_levels, raise_levels
 from ciir.models.back_projection import measure_contrast, restore_luma
 from ciir.models.light_field.fusion.disparity import estimate_disparity
+from ciir.models.light_field.fusion.matching import Seen, match_views
 from ciir.models.light_field.fusion.pixels import fuse_lumas
 from ciir.models.light_field.network import compute_luma
 from ciir.models.light_field.planes import Range
@@ -40,6 +41,9 @@ AT_ONCE, AT_ONCE_PIXELS = 3, 130_000
 JPEG_NOISE = 3.0
 """Factor on the differences from the input that count as noise, so that little of a JPEG's errors comes back."""
 LEVELS = 2**16 - 1
+MATCHED_MACS = 150_000
+"""Views that a network with at least so many multiply-adds for each output pixel makes are matched too: it takes longer
+than matching."""
 MOST_PIXELS = 100_000
 """Largest views, in pixels, that `auto` fuses. A single one of that size takes 1.5 seconds more on two cores."""
 
@@ -51,13 +55,9 @@ class _Upscaled(NamedTuple):
     finishing: Finishing
 
 
-class _Row(NamedTuple):
-    """The mean of a view and those beside it in its row."""
-
-    luma: NDArray[np.uint16]
-    """`(scale*H, scale*W)`, as large a share of the 16-bit range as the view's is of its own."""
-    disparity: Plane
-    """That of the view, `(H, W)`."""
+def is_matched(fusion: Fusion, macs_per_output_pixel: float) -> bool:
+    """Whether views that are fused are also matched with the views around them (`fusion.matching`)."""
+    return fusion == "always" or macs_per_output_pixel >= MATCHED_MACS
 
 
 def explain_no_fusion(pixels: int, stride: int) -> str:
@@ -107,15 +107,17 @@ class FusingUpscaler:
         stride: int,
         *,
         fusion: Fusion,
+        matches: bool,
         is_jpeg: bool,
         fetch: Callable[[Sequence[View]], Mapping[View, Pixels]],
         cores: int,
     ) -> None:
-        """`upscale`, `grid`, `stride`: as for `upscale_spaced_views`. `is_jpeg`: whether the views are those of a JPEG
-        array. `fetch`: returns views that a call didn't give. `cores`: most views that are fused at once.
+        """`upscale`, `grid`, `stride`: as for `upscale_spaced_views`. `matches`: whether fused views are also matched
+        with the views around them, as `is_matched` says. `is_jpeg`: whether the views are those of a JPEG array.
+        `fetch`: returns views that a call didn't give. `cores`: most views that are fused at once.
         """
         self._upscale, self._grid, self._stride = upscale, grid, stride
-        self._fusion, self._is_jpeg = fusion, is_jpeg
+        self._fusion, self._matches, self._is_jpeg = fusion, matches, is_jpeg
         self._fetch, self._cores = fetch, cores
         longest = max(grid)
         self._most_upscaled = BLOCK_SIDE * (longest + 2)
@@ -123,7 +125,8 @@ class FusingUpscaler:
         self._views: dict[View, Pixels] = {}
         self._upscaled: dict[View, _Upscaled] = {}
         self._samplings: dict[View, Sampling | None] = {}  # of all so far: means of rows outlive the views
-        self._rows: dict[View, _Row] = {}
+        self._disparities: dict[View, Plane] = {}
+        self._rows: dict[View, NDArray[np.uint16]] = {}  # the luma of means of a view and those beside it in its row
 
     def __call__(self, views: Mapping[View, Pixels], wanted: Sequence[View]) -> tuple[Pixels, list[Finishing]]:
         """Upscales the views `wanted`, as `models.light_field.views.upscale_views` does."""
@@ -135,16 +138,19 @@ class FusingUpscaler:
         finished = [self._upscaled[view].finishing for view in wanted]
         numbers = [number for number, finishing in enumerate(finished) if self._is_fused(finishing)]
         self._fuse_rows({other for number in numbers for other in list_line(wanted[number], self._grid, 0)})
+        if self._matches:
+            self._find_disparities({other for number in numbers for other in list_block(wanted[number], self._grid)})
         result: Any = np.stack([self._upscaled[view].picture for view in wanted])
 
         def fuse(number: int) -> None:
             sampling = self._find_sampling(wanted[number])
-            self._fuse(wanted[number], result[number], sampling)
-            finished[number] = finished[number]._replace(is_fused=True, sampling=sampling)
+            matched = self._fuse(wanted[number], result[number], sampling)
+            finished[number] = finished[number]._replace(is_fused=True, is_matched=matched, sampling=sampling)
 
         self._run_each(fuse, numbers)
         _shorten(self._upscaled, self._most_upscaled)
         _shorten(self._rows, self._most_upscaled)
+        _shorten(self._disparities, self._most_upscaled)
         _shorten(self._views, self._most_views)
         return result, finished
 
@@ -179,51 +185,71 @@ class FusingUpscaler:
         """Takes the mean of each of `wanted` and those beside it in its row, unless it is kept."""
         missing = _refresh_kept(self._rows, wanted)
         self._upscale_views({other for view in missing for other in list_line(view, self._grid, 1)})
-        self._fetch_missing(other for view in missing for other in list_cross(view, self._grid))
+        self._find_disparities(missing)
         self._run_each(self._fuse_row, missing)
 
-    def _fuse_row(self, view: View) -> None:
-        small, (picture, finishing) = self._views[view], self._upscaled[view]
+    def _find_disparities(self, wanted: Iterable[View]) -> None:
+        """Estimates the disparity of those of `wanted` for which it isn't kept."""
+        missing = _refresh_kept(self._disparities, wanted)
+        self._fetch_missing(other for view in missing for other in list_cross(view, self._grid))
+        self._upscale_views(missing)  # finds the range of their disparities
+        self._run_each(self._find_disparity, missing)
+
+    def _find_disparity(self, view: View) -> None:
+        small = self._views[view]
         contrast = _measure_contrast(small)
-        disparity = estimate_disparity(
-            compute_luma(small, contrast),
-            {
-                (v - view[0], u - view[1]): compute_luma(self._views[v, u], contrast)
-                for v, u in list_cross(view, self._grid)
-                if (v, u) != view
-            },
-            Range(*(limit / self._stride for limit in finishing.disparities)),
-        )
+        beside = {
+            (v - view[0], u - view[1]): compute_luma(self._views[v, u], contrast)
+            for v, u in list_cross(view, self._grid)
+            if (v, u) != view
+        }
+        limits = Range(*(limit / self._stride for limit in self._upscaled[view].finishing.disparities))
+        self._disparities[view] = estimate_disparity(compute_luma(small, contrast), beside, limits)
+
+    def _fuse_row(self, view: View) -> None:
+        picture = self._upscaled[view].picture
+        contrast = _measure_contrast(self._views[view])
         beside = {
             u - view[1]: compute_luma(self._upscaled[v, u].picture, contrast)
             for v, u in list_line(view, self._grid, 1)
             if u != view[1]
         }
-        fused = fuse_lumas(compute_luma(picture, contrast), beside, disparity, 1)
+        fused = fuse_lumas(compute_luma(picture, contrast), beside, self._disparities[view], 1)
         fused *= np.float32(contrast * _count_levels(picture))
-        self._rows[view] = _Row(np.rint(fused).clip(0, LEVELS).astype(np.uint16), disparity)
+        self._rows[view] = np.rint(fused).clip(0, LEVELS).astype(np.uint16)
 
     def _find_sampling(self, view: View) -> Sampling | None:
         """Returns how `view` was sampled. If that is unknown, it is assumed to be means like most of its block."""
         block = list_block(view, self._grid)
         return self._samplings[view] or find_common_means([self._samplings[other] for other in block])
 
-    def _fuse(self, view: View, picture: Pixels, sampling: Sampling | None) -> None:
-        """Changes `picture`, the upscaled `view`, to the mean of its block. All channels change by as much as luma."""
+    def _fuse(self, view: View, picture: Pixels, sampling: Sampling | None) -> bool:
+        """Changes `picture`, the upscaled `view`, to the mean of its block, and returns whether it was matched with the
+        block as well. All channels change by as much as luma.
+        """
         small = self._views[view]
         contrast = _measure_contrast(small)
         unit = np.float32(1 / (contrast * _count_levels(picture)))
-        column = {v - view[0]: self._rows[v, u].luma * unit for v, u in list_line(view, self._grid, 0)}
-        fused = fuse_lumas(column.pop(0), column, self._rows[view].disparity, 0)
+        column = {v - view[0]: self._rows[v, u] * unit for v, u in list_line(view, self._grid, 0)}
+        fused = fuse_lumas(column.pop(0), column, self._disparities[view], 0)
+        noise = sampling.noise * (JPEG_NOISE if self._is_jpeg else 1) if sampling else 0.0
+        matched = self._matches and sampling is not None and sampling.gain > 0
+        if matched and sampling:
+            seen = {
+                (v - view[0], u - view[1]): Seen(compute_luma(self._views[v, u], contrast), self._disparities[v, u])
+                for v, u in list_block(view, self._grid)
+            }
+            levels = float(np.iinfo(small.dtype).max)
+            fused = match_views(fused, seen.pop((0, 0)), seen, sampling.kind, noise=noise * levels / contrast)
         change = np.rint(fused * np.float32(contrast) - compute_luma(picture, 1)).astype(np.int32)
         for channel in np.moveaxis(picture, -1, 0):
             channel[...] = np.clip(channel + change, 0, np.iinfo(picture.dtype).max)
         if sampling and sampling.gain:
             unused = count_raised_bits(small, picture)  # others of its block may be brighter
-            noise = sampling.noise * (JPEG_NOISE if self._is_jpeg else 1)
-            raised, seen = raise_levels(picture, unused), raise_levels(small, unused)
-            restored = restore_luma(raised, seen, sampling.kind, gain=sampling.gain, noise=noise)
+            raised, seen_pixels = raise_levels(picture, unused), raise_levels(small, unused)
+            restored = restore_luma(raised, seen_pixels, sampling.kind, gain=sampling.gain, noise=noise)
             picture[...] = lower_levels(restored, unused)
+        return matched
 
 
 def _measure_contrast(picture: Pixels) -> float:

@@ -63,7 +63,7 @@ def _load_model(
     plan: Plan, arrangement: Arrangement, fetch: FetchViews | None, skip: bool, statistics: SkipStatistics | None
 ) -> UpscaleViews:
     if plan.is_light_field:
-        from ciir.models.light_field.fusion.views import FusingUpscaler
+        from ciir.models.light_field.fusion.views import FusingUpscaler, is_matched
         from ciir.models.light_field.views import upscale_views
 
         network = catalogue.load_light_field_network(plan.model, scale=plan.scale)
@@ -88,6 +88,7 @@ def _load_model(
             arrangement.grid,
             arrangement.stride,
             fusion=plan.fusion,
+            matches=is_matched(plan.fusion, network.card.macs_per_output_pixel),
             is_jpeg=plan.is_jpeg,
             fetch=fetch_places,
             cores=count_available_cores(),
@@ -172,6 +173,8 @@ def finishing_reasons(plan: Plan, finished: Sequence[Finishing]) -> list[str]:
         reasons.append(
             f"fusion: {fused} of {len(finished)} views are means with the upscaled views around them, as {why}"
         )
+    if matched := sum(view.is_matched for view in finished):
+        reasons.append(f"fusion: {matched} of {len(finished)} views are brought closer to what the views around them saw")
     if shares := [view.interpolated for view in finished if view.interpolated]:
         reasons.append(describe_average("view", shares, len(finished)))
     return reasons

@@ -43,12 +43,13 @@ def make_views(grid=GRID, dtype=np.uint8, channels=3, level=200):
     return {(v, u): picture for v in range(grid[0]) for u in range(grid[1])}
 
 
-def make_upscaler(upscale, views, grid=GRID, stride=1, *, fusion="always", is_jpeg=False, cores=1):
+def make_upscaler(upscale, views, grid=GRID, stride=1, *, fusion="always", matches=False, is_jpeg=False, cores=1):
     return FusingUpscaler(
         upscale,
         grid,
         stride,
         fusion=fusion,
+        matches=matches,
         is_jpeg=is_jpeg,
         fetch=lambda some: {view: views[view] for view in some},
         cores=cores,
@@ -73,10 +74,11 @@ def test_the_disparity_is_measured_with_five_views_of_each_line():
     assert list_cross((1, 1), (2, 3)) == [(0, 1), (1, 0), (1, 1), (1, 2)]
 
 
-@pytest.mark.parametrize("cores", [1, 2])
-def test_each_view_is_upscaled_once_and_no_result_depends_on_the_others(cores):
-    views, upscale = make_views(), Upscaling()
-    fusing = make_upscaler(upscale, views, cores=cores)
+@pytest.mark.parametrize(("cores", "matches"), [(1, False), (2, False), (2, True)])
+def test_each_view_is_upscaled_once_and_no_result_depends_on_the_others(cores, matches):
+    finishing = Finishing(sampling=Sampling("means", likeness=1.0, gain=1.0, noise=0.0))
+    views, upscale = make_views(), Upscaling(finishing)
+    fusing = make_upscaler(upscale, views, cores=cores, matches=matches)
     every = list(views)
     made = {}
     for first in range(0, len(every), 4):
@@ -87,8 +89,9 @@ def test_each_view_is_upscaled_once_and_no_result_depends_on_the_others(cores):
         made.update(zip(wanted, pictures, strict=True))
     assert sorted(upscale.made) == every
     for view in ((0, 0), (3, 2), (5, 4), (1, 0)):
-        alone = Upscaling()
-        (picture,), _ = make_upscaler(alone, views)({}, [view])
+        alone = Upscaling(finishing)
+        (picture,), (finished,) = make_upscaler(alone, views, matches=matches)({}, [view])
+        assert finished.is_matched == matches
         assert np.array_equal(picture, made[view])
         assert sorted(alone.made) == list_block(view, GRID)
 
@@ -351,7 +354,9 @@ def test_fused_views_need_the_windows_of_their_blocks():
 def test_the_listed_views_are_enough(view, stride):
     grid, asked = (11, 10), []
     views = make_views(grid)
-    fusing = FusingUpscaler(Upscaling(), grid, stride, fusion="always", is_jpeg=False, fetch=asked.extend, cores=1)
+    fusing = FusingUpscaler(
+        Upscaling(), grid, stride, fusion="always", matches=True, is_jpeg=False, fetch=asked.extend, cores=1
+    )
     fusing({other: views[other] for other in list_fused_views([view], grid, stride)}, [view])
     assert not asked
 
@@ -388,7 +393,7 @@ def test_missing_views_are_fetched_once():
         return {view: views[view] for view in some}
 
     upscale = Upscaling()
-    fusing = FusingUpscaler(upscale, GRID, 1, fusion="always", is_jpeg=False, fetch=fetch, cores=1)
+    fusing = FusingUpscaler(upscale, GRID, 1, fusion="always", matches=False, is_jpeg=False, fetch=fetch, cores=1)
     partial(fusing, {})([(3, 2)])
     fusing({}, [(3, 3)])
     assert len(fetched) == len(set(fetched))
