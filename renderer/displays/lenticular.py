@@ -45,6 +45,8 @@ KEYS = (
 """Entries that are read; the others are ignored, such as a display's serial number."""
 PATTERN = "the display's subpixels form a pattern: they are treated as stripes of red, green and blue"
 INVERTED = "calibration: invView is 0: lenses on a print then show depth inverted; give invView 1 for a print"
+MOST_SIDE = 100_000
+"""Most pixels along a side."""
 UNTESTED = (
     "calibration: pitch counts as the result of a pitch test; if it is the lens sheet's, give viewDistance in inches"
 )
@@ -136,7 +138,7 @@ def parse_calibration(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMIT
         wrong = next((other for other in found if other != key and other.lower() == key.lower()), None)
         if wrong is not None:
             raise Unreadable(f"{name}: {wrong} is not known; write {key}")
-    width, height, dpi = (_read(found, key, name, (1, 1e5)) for key in ("screenW", "screenH", "DPI"))
+    width, height, dpi = (_read(found, key, name, (1, MOST_SIDE)) for key in ("screenW", "screenH", "DPI"))
     slope = _read(found, "slope", name, (-1e4, 1e4))
     pitch = _read(found, "pitch", name, (1e-3, 1e4))
     if not slope:

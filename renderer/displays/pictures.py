@@ -23,6 +23,7 @@ from ciir.renderer.displays.light_fields import (
     take_row,
 )
 from ciir.renderer.displays.panel import Conversion, resample_panel
+from ciir.renderer.displays.prints import PRINT, make_calibration
 from ciir.renderer.displays.quilt import parse_grid, parse_name
 from ciir.renderer.levels import note_raising
 from ciir.renderer.limits import DEFAULT_LIMITS
@@ -38,7 +39,7 @@ Kind = Literal["quilt", "lenticular", "panel"]
 Target = Quilt | Calibration | IntegralDisplay
 USES: dict[Kind, tuple[str, ...]] = {
     "quilt": ("device", "quilt", "aspect", "disparity"),
-    "lenticular": ("calibration", "disparity"),
+    "lenticular": ("calibration", *PRINT, "disparity"),
     "panel": ("display", "conversion", "disparity"),
 }
 """Kinds of pictures for displays, and the names of the `WriterOptions` that each uses."""
@@ -63,7 +64,12 @@ class DisplayPicture:
 
 def find_kind(options: WriterOptions) -> Kind:
     """Returns the kind of picture that the options are for."""
-    return "panel" if options.display else "lenticular" if options.calibration else "quilt"
+    return "panel" if options.display else "lenticular" if options.calibration or describes_print(options) else "quilt"
+
+
+def describes_print(options: WriterOptions) -> bool:
+    """Returns whether any option that describes a print is given."""
+    return any(getattr(options, name) for name in PRINT)
 
 
 def find_target(
@@ -75,16 +81,28 @@ def find_target(
 ) -> Target:
     """Returns the display that `options` describe. `named`: the layout in a quilt's name, by default that in `options`.
 
-    Raises `InvalidOption` if the description is missing or wrong, and the errors of `parse_calibration` and
-    `parse_display`.
+    Raises `InvalidOption` if the description is missing or wrong, and the errors of `make_calibration`,
+    `parse_calibration` and `parse_display`.
     """
     if kind == "quilt":
         grid = parse_grid(options.quilt) if options.quilt else None
         named = named or parse_name(options.name)
         return resolve_quilt(named=named, device=options.device or None, grid=grid, aspect=options.aspect)
+    if kind == "lenticular" and describes_print(options):
+        if options.calibration:
+            raise InvalidOption("print, calibration: both describe the display; leave one of them out")
+        return make_calibration(
+            options.print,
+            options.lpi,
+            options.dpi,
+            view_distance=options.view_distance,
+            view_angle=options.view_angle,
+            max_pixels=max_pixels,
+        )
     if kind == "lenticular":
         if not options.calibration:
-            raise InvalidOption("calibration: a lenticular picture needs it; give the JSON file that a display stores")
+            needed = "give the JSON file that a display stores, or the size of a print, such as print 6x4in"
+            raise InvalidOption(f"calibration: a lenticular picture needs it; {needed}")
         return parse_calibration(options.calibration.encode(), name="calibration", max_pixels=max_pixels)
     if options.conversion not in get_args(Conversion):
         raise InvalidOption(

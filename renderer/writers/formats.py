@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import IO, TYPE_CHECKING, Any
 
 from ciir.errors import InvalidOption
-from ciir.renderer.displays.pictures import USES, find_kind
+from ciir.renderer.displays.pictures import USES, describes_print, find_kind
 from ciir.renderer.displays.quilt import parse_name
 from ciir.renderer.readers.names import is_eslf
 from ciir.renderer.writers import pictures
@@ -159,7 +159,7 @@ WHOLE_BY_SUFFIX = _index_suffixes(WHOLE.values())
 
 def find_display(path: PurePath, options: WriterOptions) -> Kind | None:
     """Returns the kind of picture for a display that the options, or a quilt's name, ask for if no format is given."""
-    if options.display or options.calibration or options.device or options.quilt:
+    if options.display or options.calibration or options.device or options.quilt or describes_print(options):
         return find_kind(options)
     is_named = path.suffix.lower() in FORMATS["quilt"].suffixes and parse_name(path.name) is not None
     return "quilt" if is_named else None

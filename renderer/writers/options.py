@@ -29,6 +29,9 @@ MOST_TEXT = 1 << 16
 """Most bytes of that text."""
 RANGES: dict[str, tuple[float, float]] = {
     "aspect": (1 / MAX_ASPECT, MAX_ASPECT),
+    "lpi": (1, 1000),
+    "dpi": (1, 100_000),
+    "view_angle": (1, 120),
     "disparity": (-1000, 1000),
     "frames": (1, 3600),
     "fps": (1, 240),
@@ -55,6 +58,17 @@ class WriterOptions:
     """Width / height that a display shows a quilt's views with; None: the device's, or the views' own."""
     calibration: str = ""
     """A lenticular display's JSON, as `renderer.displays.lenticular.parse_calibration` reads it."""
+    print: str = ""
+    """Size of a lenticular print, as `renderer.displays.prints.parse_size` reads it."""
+    lpi: float | None = None
+    """Lenses per inch of a print's lens sheet."""
+    dpi: float | None = None
+    """Pixels per inch of a print."""
+    view_distance: str = ""
+    """Distance of a print's viewer, as `renderer.displays.prints.parse_distance` reads it; empty: the print is 14°
+    high from there."""
+    view_angle: float | None = None
+    """Viewing angle of a print's lens sheet in degrees; None: 40."""
     display: str = ""
     """A panel and its lenses as TOML, as `renderer.displays.integral.parse_display` reads it."""
     conversion: Conversion = "spoc"

@@ -34,7 +34,7 @@ def write_picture(args: argparse.Namespace, options: Options, kind: Kind) -> Non
     path = Path(args.out)
     suffixes = formats.FORMATS[kind].suffixes
     if path.suffix.lower() not in suffixes:
-        given = [f"--{name}" for name in USES[kind] if hasattr(args, f"option_{name}")]
+        given = [f"--{name.replace('_', '-')}" for name in USES[kind] if hasattr(args, f"option_{name}")]
         other = f", or leave {', '.join(given)} out" if args.to is None else ""
         raise InvalidOption(
             f"{args.out}: a {kind} is written as {', '.join(suffixes)}; end the name with one of them{other}"

@@ -2,20 +2,37 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
-from typing import get_args
+from typing import TYPE_CHECKING, get_args
 
 from ciir.errors import InvalidOption
 from ciir.renderer.displays.devices import DEFAULT, DEVICES
 from ciir.renderer.displays.panel import Conversion
+from ciir.renderer.displays.prints import parse_distance, parse_size
 from ciir.renderer.displays.quilt import parse_grid
 from ciir.renderer.writers.options import MOST_TEXT, RANGES
 from ciir.service.pipeline.options.option import Option
-from ciir.service.pipeline.options.values import LABEL, PAIR, ValueType, make_name, make_number
+from ciir.service.pipeline.options.values import LABEL, PAIR, TEXT, ValueType, make_name, make_number
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 
 def _read_grid(_: str, text: str) -> str:
     return "{}x{}".format(*parse_grid(text)) if text.strip() else ""
+
+
+def _make_length(number: str, parse: Callable[[str], object], needed: str) -> ValueType:
+    """Makes a type for texts of lengths in one of two units, which `parse` checks."""
+
+    def read(_: str, text: str) -> str:
+        bare = re.sub(r"\s", "", text).lower()
+        if bare:
+            parse(text)
+        return bare
+
+    return ValueType({"type": "string", "pattern": f"^({number}(in|mm))?$"}, read, TEXT.convert, needed)
 
 
 def _read_file(name: str, text: str) -> str:
@@ -30,6 +47,9 @@ GRID = ValueType(
     lambda pair: "{}x{}".format(*PAIR.convert(pair)),
     "columns and rows, such as (8, 6)",
 )
+_LENGTH = r"[0-9]{1,6}(\.[0-9]{1,6})?"
+SIZE = _make_length(f"{_LENGTH}x{_LENGTH}", parse_size, "width x height with a unit, such as '6x4in'")
+LENGTH = _make_length(_LENGTH, parse_distance, "a length with a unit, such as '16in'")
 TEXT_FILE = ValueType({"type": "string", "maxLength": MOST_TEXT}, _read_file, bytes.decode, "the file's text")
 
 DISPLAYS = {
@@ -52,6 +72,24 @@ DISPLAYS = {
         "lenticular: the JSON file with the display's calibration, which is stored on the display",
         TEXT_FILE,
         '{"pitch": 49.9, "slope": 5.8, "center": 0.3, "DPI": 338, "screenW": 120, "screenH": 80}',
+    ),
+    "print": Option(
+        "WxH",
+        "lenticular: a print under a sheet of upright lenses, instead of a calibration: its width x height, such as "
+        "6x4in or 152x102mm; needs --lpi and --dpi",
+        SIZE,
+        "1x0.5in",
+    ),
+    "lpi": Option("N", "with --print: lenses per inch of the sheet", make_number(*RANGES["lpi"]), "60"),
+    "dpi": Option("N", "with --print: pixels per inch of the printer", make_number(*RANGES["dpi"]), "150"),
+    "view_distance": Option(
+        "LENGTH",
+        "with --print: distance from which it is seen, such as 16in or 400mm (default: about 4 times its height)",
+        LENGTH,
+        "16in",
+    ),
+    "view_angle": Option(
+        "DEGREES", "with --print: viewing angle of the sheet (default 40)", make_number(*RANGES["view_angle"]), "40"
     ),
     "display": Option(
         "FILE",
@@ -84,6 +122,12 @@ class DisplayOptions:
     quilt: str = ""
     aspect: float | None = None
     calibration: str = ""
+    print: str = ""
+    lpi: float | None = None
+    dpi: float | None = None
+    view_distance: str = ""
+    view_angle: float | None = None
+    """Degrees."""
     display: str = ""
     conversion: Conversion = "spoc"
     disparity: float | None = None

@@ -222,7 +222,7 @@ KINDS: dict[KindName, Kind] = {
             "a mesh, an EIA picture, or a zip of views",
             (*DISPLAYS, "model", "scale", "fusion", *_INPUT),
             tuple(USES),
-            "panel with a display, lenticular with a calibration, else quilt",
+            "panel with a display, lenticular with a calibration or a print, else quilt",
             {
                 **ONE_POSE,
                 "model": MODEL_FIRST,

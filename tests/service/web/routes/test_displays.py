@@ -79,9 +79,13 @@ def test_descriptions_are_files_or_plain_fields(client, views, tmp_path, is_file
     ("sent", "words"),
     [
         (({"calibration": JSON}, {}), "-o o.png --calibration c.json"),
+        (
+            ({}, {"print": "1x0.5in", "lpi": "20", "dpi": "80", "view_distance": "100mm", "view_angle": "50"}),
+            "-o o.png --print 1x0.5in --lpi 20 --dpi 80 --view-distance 100mm --view-angle 50",
+        ),
         (({"display": PANEL}, {"rotate": "30,0,0", "format": "panel"}), "-o o.png --display p.toml --rotate 30,0,0"),
     ],
-    ids=["lenticular", "panel"],
+    ids=["lenticular", "print", "panel"],
 )
 def test_a_mesh_becomes_what_the_command_line_makes(client, tmp_path, monkeypatch, sent, words):
     monkeypatch.chdir(tmp_path)
@@ -109,6 +113,13 @@ def test_a_mesh_becomes_what_the_command_line_makes(client, tmp_path, monkeypatc
         ({}, {"calibration": b"x" * 70_000}, (413, "calibration: over 65,536 bytes")),
         ({}, {"device": "go"}, (422, "device: a file; only 'file' and 'calibration' and 'display' may be one")),
         ({"display": PANEL.replace("60, 40", "60000, 40000")}, {}, (413, "at most 67,108,864")),
+        ({"print": "6x4in", "dpi": "600"}, {}, (422, "lpi: a print needs it")),
+        (
+            {"print": "1x0.5in", "lpi": "2", "dpi": "80", "format": "quilt"},
+            {},
+            (422, "print: format quilt has no use for"),
+        ),
+        ({"print": "60x40in", "lpi": "60", "dpi": "600"}, {}, (413, "36000x24000 pixels; at most 67,108,864 are made")),
         ({"format": "png"}, {}, (422, "format: 'png' is not known; give quilt, lenticular, panel, or POST to /v1/rec")),
         ({"views": "all"}, {}, (422, "'views': no such field")),
     ],

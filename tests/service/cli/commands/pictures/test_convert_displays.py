@@ -99,6 +99,25 @@ def test_a_print_is_cast_from_its_viewers_distance(folder, capsys):
     assert 0.5 / math.tan(math.radians(shown["field_of_view"]) / 2) == pytest.approx(screen.distance)
 
 
+@pytest.mark.parametrize("name", ["scene:vase", "in.npz"])
+def test_a_print_by_its_size_is_the_one_of_its_json(folder, capsys, name):
+    numbers = {"pitch": 20, "viewDistance": 10, "DPI": 100, "screenW": 150, "screenH": 100, "slope": 10000}
+    (folder / "print.json").write_text(json.dumps(numbers | {"center": 0, "invView": 1, "subpixels": "none"}))
+    assert convert(f"{name} -o json.png --calibration print.json") == 0
+    wanted, given = (folder / "json.png").read_bytes(), {"print": "1.5x1in", "lpi": 20, "dpi": 100}
+    assert convert(f"{name} -o in.png --print 1.5x1in --lpi 20 --dpi 100 --view-distance 10in") == 0
+    assert convert(f"{name} -o mm.png --print 38.1x25.4mm --lpi 20 --dpi 100 --view-distance 254mm") == 0
+    ciir.open("in.npz").save("python.png", view_distance="10in", **given)
+    made = [(folder / f"{way}.png").read_bytes() for way in ("in", "mm")]
+    assert made == [wanted, wanted]
+    assert ((folder / "python.png").read_bytes() == wanted) == (name == "in.npz")
+    assert capsys.readouterr().err.count("seen from 10 inches, the pitch of 20 becomes 19.86") == 3
+    assert convert(f"{name} -o no.zip --print 1.5x1in --lpi 20 --dpi 100 --view-distance 10in") == 2
+    assert "or leave --print, --lpi, --dpi, --view-distance out" in capsys.readouterr().err
+    assert convert(f"{name} -o no.png --lpi 20") == 2
+    assert "print: its size is missing; give width x height, such as 6x4in" in capsys.readouterr().err
+
+
 def test_a_light_field_becomes_a_quilt_of_its_own_views(folder, capsys):
     assert convert("in.npz -o out.png --to quilt --quilt 3x2") == 0
     quilt = read(folder / "out_qs3x2a1.png")
