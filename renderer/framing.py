@@ -28,7 +28,7 @@ object's longest side."""
 
 def frame_scene(scene: Scene, array: LensArray, placement: Placement = AS_GIVEN) -> NDArray[np.float64]:
     """Returns the 4x4 matrix that places `scene` at `array`, oriented as `placement` says and as large as fits into
-    every view, times the placement's zoom.
+    every view, times the placement's zoom, and then flattened by the placement's depth factor.
 
     A placement that fits the scene to nothing only turns and zooms it. A scene with a window is turned about the
     subject, and what the window shows fits into the centre view exactly.
@@ -37,6 +37,16 @@ def frame_scene(scene: Scene, array: LensArray, placement: Placement = AS_GIVEN)
     of it, appears displaced by -t*d along tangent t: `|x| + |t * d| <= zoom * FILL * width / 2` for every vertex and
     the outermost view's t, and likewise for y.
     """
+    return flatten(_fit_scene(scene, array, placement), placement.depth_factor)
+
+
+def flatten(matrix: NDArray[np.float64], depth_factor: float) -> NDArray[np.float64]:
+    """Returns the 4x4 `matrix` followed by a scaling along z, about the array's plane z = 0."""
+    scaled: NDArray[np.float64] = np.diag([1.0, 1.0, depth_factor, 1.0]) @ matrix
+    return scaled
+
+
+def _fit_scene(scene: Scene, array: LensArray, placement: Placement) -> NDArray[np.float64]:
     rotation = np.eye(4)
     rotation[:3, :3] = placement.rotation()
     if placement.fit == "none":
@@ -74,7 +84,7 @@ def _find_plane(low: float, high: float, placement: Placement) -> float:
 
 
 def _frame_window(window: Window, array: LensArray, placement: Placement) -> NDArray[np.float64]:
-    """Does the same as `frame_scene` for what a camera sees."""
+    """Does the same as `_fit_scene` for what a camera sees."""
     ratios = [array.height / window.half_height]
     if window.half_width is not None:
         ratios.append(array.width / window.half_width)

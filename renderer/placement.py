@@ -44,6 +44,9 @@ class Placement:
     """`views`: as large as fits into every view, at `place`. `none`: the mesh's coordinates are those of the lens array
     (`renderer.lens_array`), as for a captured model; `place` does nothing, and turns and zoom are about the array's
     middle."""
+    depth_factor: float = 1.0
+    """Factor on the object's extent along z, about the array's plane, once it is placed: below 1 it is flatter, with
+    less parallax, at the same size. Its colours, into which the light is baked, stay those of the whole object."""
 
     def rotation(self) -> NDArray[np.float64]:
         """Returns the rotation from the mesh's own axes to those of the array, `(3, 3)`."""

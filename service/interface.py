@@ -178,6 +178,7 @@ def render(
     rotate: float | tuple[float, float, float] = (0.0, 0.0, 0.0),
     zoom: float = 1.0,
     place: float | None = None,
+    depth_factor: float = 1.0,
     fit: Fit = "views",
     light: tuple[float, float] | None = None,
     time: float | None = None,
@@ -195,9 +196,9 @@ def render(
     lenses in scene units. `delta`: tangent from one pixel to the next, by default 0.4 / the larger number in `pixels`;
     or `parallax`: the whole viewing angle in degrees. `up`: the mesh's axis that points up. `rotate`: yaw, pitch and
     roll in degrees. `zoom`: factor on the size at which every view holds the object. `place`: -1, the default, behind
-    the array, 0 centred on it, 1 in front of it. `fit`: `none` for a mesh in the array's own coordinates, such as a
-    captured model. `light`: azimuth and elevation in degrees. `ciir.renderer.placement.Placement` describes the last
-    six in detail.
+    the array, 0 centred on it, 1 in front of it. `depth_factor`: factor on its depth, at the same size. `fit`: `none`
+    for a mesh in the array's own coordinates, such as a captured model. `light`: azimuth and elevation in degrees.
+    `ciir.renderer.placement.Placement` describes the last seven in detail.
     `time`: seconds from the start of a glTF file's animation; `animation`: its name, or its number from 0. `camera`:
     the name, or the number from 0, of a camera in a glTF file; the centre view shows its picture, with parallel rays.
     `progress(done, total)` counts light fields: it is called with (0, 1) and (1, 1).
@@ -218,6 +219,7 @@ def render(
             "rotate": rotate,
             "zoom": zoom,
             "place": place,
+            "depth_factor": depth_factor,
             "fit": fit,
             "light": light,
             "time": time,
@@ -306,9 +308,9 @@ def reconstruct(
     `lenses`, `pixels`: (rows, columns); `views`: `"center"`, `"cross"`, `"all"` or pairs (v, u); `model`, `strategy`,
     `backend`, `fusion`, `sampling`, `pickup`, `arrangement`, `order`, `flip`, `depth_sense`, `fit`: names;
     `crop`: (top, left, bottom, right); `scale`; `skip`, `transpose`: bools; `background`: RGB from 0 to 255; `pitch`,
-    `delta`, `zoom`, `place`: numbers; `parallax`, `rotate`, `light`: degrees; `up`: `"y"` or `"z"`; `neighbour_time`:
-    seconds; `time`: seconds, or several such as `(0, 0.5, 1)` or `"0:2:48"` for one view at each; `animation`,
-    `camera`: a name or a number. Text is parsed as on the command line.
+    `delta`, `zoom`, `place`, `depth_factor`: numbers; `parallax`, `rotate`, `light`: degrees; `up`: `"y"` or `"z"`;
+    `neighbour_time`: seconds; `time`: seconds, or several such as `(0, 0.5, 1)` or `"0:2:48"` for one view at each;
+    `animation`, `camera`: a name or a number. Text is parsed as on the command line.
     `progress(done, total)` counts views.
 
     Raises `ciir.Error`. Options of output files, such as `fps`, are refused, because no file is written.

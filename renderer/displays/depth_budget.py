@@ -76,8 +76,10 @@ class DepthBudget:
     """Share of the scene's surface that leaves the frame in at least one direction that the display shows."""
     unit: str
 
-    def notes(self, zoom: float = 1.0) -> tuple[str, ...]:
-        """Returns the budget in sentences, for the report. `zoom`: the zoom that the scene was framed with."""
+    def notes(self, zoom: float = 1.0, depth_factor: float = 1.0) -> tuple[str, ...]:
+        """Returns the budget in sentences, for the report. `zoom`, `depth_factor`: those that the scene was framed
+        with.
+        """
         unit = self.unit
         extent = f"{_place(self.farthest, unit)} to {_place(self.nearest, unit)}"
         lines = [
@@ -89,15 +91,18 @@ class DepthBudget:
         if self.blurred:
             lines.append(
                 f"depth: {_percent(self.blurred)} of the surface is beyond that and blurs; "
-                f"with zoom {self._find_zoom(zoom):g} all of it would be sharp"
+                f"with depth_factor {self._find_sharp(depth_factor):g}, or zoom {self._find_sharp(zoom):g}, all of it "
+                "would be sharp"
             )
         if self.cut:
             lines.append(f"depth: {_percent(self.cut)} of the surface leaves the frame in some directions")
         return tuple(lines)
 
-    def _find_zoom(self, zoom: float) -> float:
-        """Returns the largest zoom of two digits with which nothing blurs if the scene was framed with `zoom`."""
-        most = zoom * self.sharp / max(self.nearest, -self.farthest)
+    def _find_sharp(self, factor: float) -> float:
+        """Returns the largest zoom or depth factor of two digits with which nothing blurs, if the scene was framed with
+        `factor`: depths are proportional to both.
+        """
+        most = factor * self.sharp / max(self.nearest, -self.farthest)
         digit = 10.0 ** (math.floor(math.log10(most)) - 1)
         return digit * math.floor(most / digit + 1e-9)
 

@@ -227,6 +227,7 @@ def check_kind(name: str, content: Content, options: Options, *, is_upscaled: bo
             continue
         if getattr(options, option) != getattr(Options, option):
             kinds = "meshes and upscaled views" if option == "sampling" else "meshes"
-            raise InvalidOption(f"{option}: this is for {kinds} and {name} holds pictures; leave it out")
+            flatter = ", or give only the middle views, which have less depth" if option == "depth_factor" else ""
+            raise InvalidOption(f"{option}: this is for {kinds} and {name} holds pictures; leave it out{flatter}")
     if options.strategy == "direct":
         raise InvalidOption(f"strategy: direct renders a mesh and {name} holds pictures; give upscale or auto")

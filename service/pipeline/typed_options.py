@@ -46,6 +46,7 @@ class ReconstructionOptions(TypedDict, total=False):
     rotate: float | tuple[float, float, float] | str
     zoom: float
     place: float | None
+    depth_factor: float
     fit: Fit
     light: tuple[float, float] | str | None
     backend: Backend

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from ciir.renderer.framing import CLEARANCE, FILL, find_extremes, frame_scene, make_frame
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.placement import Placement
-from ciir.renderer.scene import Part, Scene
+from ciir.renderer.scene import Part, Scene, Window
 
 
 def cloud(seed, stretch):
@@ -41,6 +41,23 @@ def test_every_view_holds_the_object_and_no_larger_one_would_fit(seed, stretch, 
             reach = max(reach, across, down)
     # A flat cloud of 1e-6 stands 10 away from the origin: its own extent keeps 9 digits.
     assert reach == pytest.approx(zoom * FILL, rel=1e-7)
+
+
+@settings(max_examples=40)
+@given(
+    st.integers(0, 1000),
+    st.floats(0.01, 100),
+    st.tuples(*[st.floats(-180, 180)] * 3),
+    st.tuples(st.floats(-1, 1), st.sampled_from(["views", "none"])),
+    st.sampled_from([None, Window(1.0, 4.0, 9.0, 2.0, None)]),
+)
+def test_a_depth_factor_scales_depth_alone(seed, factor, angles, placed, window):
+    scene, array = replace(cloud(seed, (1, 2, 3)), window=window), LensArray(30, 80, 5, 9)
+    placement = Placement(rotate=angles, place=placed[0], fit=placed[1])
+    whole, flat = (frame_scene(scene, array, replace(placement, depth_factor=each)) for each in (1.0, factor))
+    assert np.array_equal(whole, frame_scene(scene, array, placement))
+    assert np.array_equal(flat[[0, 1, 3]], whole[[0, 1, 3]])
+    assert np.array_equal(flat[2], factor * whole[2])
 
 
 def test_orientation_and_proportions_stay():

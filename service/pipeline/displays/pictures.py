@@ -27,7 +27,7 @@ from ciir.renderer.displays.pictures import USES, DisplayPicture, find_kind, fin
 from ciir.renderer.displays.quilt import join_views
 from ciir.renderer.displays.rays import RayCaster
 from ciir.renderer.displays.screen import Screen
-from ciir.renderer.framing import frame_scene
+from ciir.renderer.framing import flatten, frame_scene
 from ciir.renderer.light_field import LightField
 from ciir.renderer.scene import Scene
 from ciir.renderer.writers.formats import check_options
@@ -172,17 +172,18 @@ def _check_options(name: str, content: Content, options: Options, target: Target
 
 
 def _place_scene(scene: Scene, options: Options, target: Target) -> NDArray[np.float64]:
-    """Returns the 4x4 matrix that places a mesh at the display, so that with a zoom of 1 nothing leaves the frame."""
-    matrix = frame_scene(scene, _find_array(target), options.placement)
+    """Returns the 4x4 matrix that places a mesh at the display, so that with a zoom of 1 nothing leaves the frame. A
+    depth factor doesn't change the size.
+    """
+    matrix = frame_scene(scene, _find_array(target), replace(options.placement, depth_factor=1.0))
     if options.fit == "none" or scene.window is not None:
-        return matrix
+        return flatten(matrix, options.depth_factor)
     if isinstance(target, IntegralDisplay):
         frame = frame_integral(target)
     else:
         frame = frame_screen(_find_screen(target), target.layout.count if isinstance(target, Quilt) else 2)
     factor = find_shrinking(scene.transform(matrix), frame, options.zoom)
-    shrinking: NDArray[np.float64] = np.diag([factor, factor, factor, 1.0]) @ matrix
-    return shrinking
+    return flatten(np.diag([factor, factor, factor, 1.0]) @ matrix, options.depth_factor)
 
 
 def _find_array(target: Target) -> LensArray:
@@ -216,7 +217,9 @@ def _render(scene: Scene, options: Options, target: Target, progress: Progress) 
         pixels = join_views(views, layout)
         budget = measure_quilt(scene, screen, layout.count, target.tile[1])
     ppi = None if isinstance(target, Quilt) else target.ppi
-    return DisplayPicture(pixels, (*budget.notes(options.zoom), *caster.notes(), *check.list_notes()), layout, ppi)
+    return DisplayPicture(
+        pixels, (*budget.notes(options.zoom, options.depth_factor), *caster.notes(), *check.list_notes()), layout, ppi
+    )
 
 
 def _describe(kind: Kind, target: Target) -> Report:

@@ -45,6 +45,13 @@ MESH = {
         make_number(-1, 1),
         "0",
     ),
+    "depth_factor": Option(
+        "FACTOR",
+        "factor on a mesh's depth from the plane of the lens array or display, at the same size; below 1 it is flatter "
+        "(default 1)",
+        make_number(0.01, 100),
+        "0.5",
+    ),
     "fit": Option(
         "NAME",
         "views: scale a mesh to the largest size that fits into every view; none: take its coordinates as those of the "
@@ -122,6 +129,7 @@ class MeshOptions:
     zoom: float = 1.0
     place: float | None = None
     """None stands for -1, or for 0 in display pictures."""
+    depth_factor: float = 1.0
     fit: Fit = "views"
     light: tuple[float, float] | None = None
     """Degrees."""
@@ -152,7 +160,15 @@ class MeshOptions:
             )
         place = -1.0 if self.place is None else self.place
         rotate = yaw, *self.rotate[1:]
-        return Placement(up=self.up, rotate=rotate, zoom=self.zoom, place=place, light=self.light, fit=self.fit)
+        return Placement(
+            up=self.up,
+            rotate=rotate,
+            zoom=self.zoom,
+            place=place,
+            depth_factor=self.depth_factor,
+            light=self.light,
+            fit=self.fit,
+        )
 
     @property
     def moments(self) -> tuple[Moment, ...]:

@@ -54,9 +54,10 @@ def test_what_lies_within_the_depth_of_field_is_sharp():
 def test_what_lies_beyond_it_blurs_by_its_share_of_the_surface():
     budget = measure_integral(make_sheets((-80, 0, 20), (0, 0, 20), (10, 0, 20), (50, 0, 20)), DISPLAY)
     assert budget.blurred == pytest.approx(0.5)
-    assert "50 % of the surface is beyond that and blurs; with zoom 0.5 all of it would be sharp" in budget.notes()[1]
-    assert "; with zoom 0.75 all" in budget.notes(1.5)[1]
-    assert "; with zoom 0.66 all" in budget.notes(1.333)[1]  # not 0.67: 0.6665
+    with_less = "with depth_factor 0.5, or zoom 0.5, all of it would be sharp"
+    assert f"50 % of the surface is beyond that and blurs; {with_less}" in budget.notes()[1]
+    assert "; with depth_factor 0.5, or zoom 0.75, all" in budget.notes(1.5)[1]
+    assert "; with depth_factor 0.37, or zoom 0.66, all" in budget.notes(1.333, 0.75)[1]  # not 0.67: 0.6665
 
 
 def test_what_leaves_the_frame_in_some_direction_is_counted():

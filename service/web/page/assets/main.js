@@ -21,7 +21,7 @@ const SETTLE_MILLISECONDS = 250; // after a change of a setting, as a key may be
 const MESH_PIXELS = "7x7"; // for meshes, as for the examples: the server's default of 15x15 takes four times as long
 const NEEDS_GRID = /give pixels ROWSxCOLUMNS/; // in an error of the server
 /** Settings on which the viewpoint or the focus depends. */
-const PLACED = [...LENSES, "rotate", "zoom", "place", "up", "time", "order", "transpose", "flip", "depth_sense"];
+const PLACED = [...LENSES, "rotate", "zoom", "place", "depth_factor", "up", "time", "order", "transpose", "flip", "depth_sense"];
 const modes = /** @type {HTMLInputElement[]} */ ([...document.querySelectorAll("[name=show]")]);
 const save = find("save", HTMLButtonElement); // for a recent job whose file is not open, so that nothing else can be exported
 /** @type {Input | null} The open input. */

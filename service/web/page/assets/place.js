@@ -11,7 +11,7 @@ const KEYS = /** @type {Record<string, [string, number]>} */ ({
   ArrowLeft: ["yaw", -5], ArrowRight: ["yaw", 5], ArrowUp: ["tilt", -5], ArrowDown: ["tilt", 5],
   "+": ["zoom", 0.1], "=": ["zoom", 0.1], "-": ["zoom", -0.1],
 });
-const FIELDS = ["yaw", "tilt", "roll", "zoom", "place", "up", "background"];
+const FIELDS = ["yaw", "tilt", "roll", "zoom", "place", "depth_factor", "up", "background"];
 /** Options that place a mesh differently from the preview. */
 const OTHERS = ["fit", "camera", "time", "animation", "delta", "parallax", "pitch"];
 const MOST_BYTES = 64e6; // of a file that is read in the browser
@@ -89,10 +89,11 @@ function draw() {
   requestAnimationFrame(() => {
     if (!isDue) return;
     isDue = false;
-    const { lenses = "", pixels = "", up = "y", rotate = "0,0,0", zoom = "1", place = "-1", background = "000000" } = read();
+    const { lenses = "", pixels = "", up = "y", rotate = "0,0,0", zoom = "1", place = "-1", depth_factor = "1", background = "000000" } = read();
     const [rows, cols] = readPair(lenses, 100), [v, u] = readPair(pixels, 15);
+    const factors = { zoom: Number(zoom), place: Number(place), depthFactor: Number(depth_factor) };
     preview?.fill(background);
-    preview?.draw({ rows, cols, v, u, up, rotate: rotate.split(",").map(Number), zoom: Number(zoom), place: Number(place) });
+    preview?.draw({ rows, cols, v, u, up, rotate: rotate.split(",").map(Number), ...factors });
     canvas.hidden = false;
   });
 }

@@ -17,7 +17,7 @@ const MOST_PIXELS = 1024; // along a side
 const UNLIKE = ["EXT_texture_avif", "KHR_materials_pbrSpecularGlossiness", "KHR_materials_transmission", "KHR_node_visibility"];
 
 /** @typedef {{name: string, file: File}} Named */
-/** @typedef {{rows: number, cols: number, v: number, u: number, up: string, rotate: number[], zoom: number, place: number}} Stand */
+/** @typedef {{rows: number, cols: number, v: number, u: number, up: string, rotate: number[], zoom: number, place: number, depthFactor: number}} Stand */
 
 /** @type {Record<string, (manager: any, data: ArrayBuffer) => Promise<any>>} Readers by suffix. */
 const READERS = {
@@ -204,7 +204,7 @@ function collectPoints(meshes) {
  * @param {Float32Array} points
  * @param {Stand} stand
  */
-function frame(points, { rows, cols, v, u, up, rotate, zoom, place }) {
+function frame(points, { rows, cols, v, u, up, rotate, zoom, place, depthFactor }) {
   const [yaw, pitch, roll] = rotate.map((degrees) => (degrees * Math.PI) / 180);
   const turn = new Matrix4().makeRotationZ(roll);
   turn.multiply(new Matrix4().makeRotationX(pitch)).multiply(new Matrix4().makeRotationY(yaw));
@@ -228,11 +228,12 @@ function frame(points, { rows, cols, v, u, up, rotate, zoom, place }) {
     sweptY = Math.max(sweptY, Math.abs(turned[i + 1] - middle.y) + reachY * distance);
   }
   const scale = ((zoom * FILL) / 2) * Math.min(cols / sweptX, rows / sweptY);
+  const deep = scale * depthFactor;
   const tx = (Math.floor(u / 2) - (u - 1) / 2) * delta, ty = ((v - 1) / 2 - Math.floor(v / 2)) * delta; // of the centre view
   const matrix = new Matrix4();
   matrix.elements[8] = tx;
   matrix.elements[9] = ty;
-  matrix.multiply(new Matrix4().makeScale(scale, scale, scale));
+  matrix.multiply(new Matrix4().makeScale(scale, scale, deep));
   matrix.multiply(new Matrix4().makeTranslation(-middle.x, -middle.y, -plane)).multiply(turn);
-  return { matrix, near: scale * (plane - high.z - gap), far: scale * (plane - low.z + gap) };
+  return { matrix, near: deep * (plane - high.z - gap), far: deep * (plane - low.z + gap) };
 }

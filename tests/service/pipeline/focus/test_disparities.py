@@ -39,6 +39,15 @@ def test_larger_is_nearer_with_both_depth_senses(sense, sign):
     assert {"focus", "total"} <= set(report["timings_ms"])
 
 
+@pytest.mark.parametrize("place", ["-1", "0", "0.7"])
+@pytest.mark.parametrize("factor", [0.25, 0.5, 2])
+def test_a_depth_factor_multiplies_disparities(place, factor):
+    """Those of the centre view, whose picture stays."""
+    whole, flat = (run("vase", **MESH, place=place, depth_factor=f"{each}")[0].hci for each in (1, factor))
+    assert np.ptp(whole) > 0.2
+    assert flat == pytest.approx(factor * whole, abs=1e-5)
+
+
 def test_a_plain_background_has_no_part_in_the_range():
     views = np.zeros((3, 5, 64, 96, 3), np.uint8)
     texture = np.random.default_rng(0).integers(0, 256, (20, 30, 3), np.uint8)

@@ -77,6 +77,7 @@ def read_silhouette(page, script):
         ("obj", "rotate=-120,-60,100&zoom=0.7"),
         ("stl", "rotate=25,10,0&up=z&pixels=4x6"),
         ("ply", "rotate=30,0,20&place=0.5&zoom=1.5"),
+        ("ply", "rotate=40,20,0&place=-1&depth_factor=0.2&pixels=2x2"),
     ],
 )
 def test_the_preview_shows_what_the_server_renders(page, suffix, settings):

@@ -3,6 +3,7 @@
 import io
 import json
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -274,6 +275,39 @@ def test_a_mesh_fits_into_every_view(folder, capsys, to, place):
     assert "of the surface leaves the frame in some directions" in capsys.readouterr().err
     zoomed = json.loads((folder / "r.json").read_text())["scene_transform"]
     assert np.array(zoomed)[:3] == pytest.approx(1.5 * np.array(framed)[:3])
+
+
+@pytest.mark.parametrize("to", ["-o q_qs4x1a0.75.png", "-o n.png --calibration c.json", "-o p.png --display near.toml"])
+@pytest.mark.parametrize("placed", ["", "--place -1", "--fit none --zoom 0.3"])
+def test_a_depth_factor_flattens_a_mesh_at_its_size(folder, capsys, to, placed):
+    """The note gives the one with which nothing blurs."""
+    (folder / "near.toml").write_text(f"{PANEL}[viewer]\ndistance = 20\n")
+    (folder / "box.obj").write_text(make_box(1, 1, 9))
+    matrices, pictures = {}, {}
+    for factor in ("", " --depth-factor 1", " --depth-factor 0.5"):
+        assert convert(f"box.obj {to} {placed}{factor} --report r.json") == 0
+        matrices[factor] = np.array(json.loads((folder / "r.json").read_text())["scene_transform"])
+        pictures[factor] = (folder / to.split()[1]).read_bytes()
+    whole, one, half = matrices.values()
+    assert np.array_equal(whole, one)
+    assert np.array_equal(np.diag([1, 1, 0.5, 1]) @ whole, half)
+    whole, one, half = pictures.values()
+    assert whole == one != half
+    assert convert(f"box.obj {to} {placed} --depth-factor 50") == 0
+    (sharp,) = set(re.findall(r"with --depth-factor ([0-9.]+), or zoom", capsys.readouterr().err))
+    assert convert(f"box.obj {to} {placed} --depth-factor {sharp}") == 0
+    assert "blurs" not in capsys.readouterr().err
+    larger = float(sharp) * 1.2
+    assert convert(f"box.obj {to} {placed} --depth-factor {larger}") == 0
+    assert "blurs" in capsys.readouterr().err
+
+
+def test_a_light_field_has_no_depth_factor(folder, capsys):
+    assert convert("in.npz -o q.png --to quilt --depth-factor 0.5") == 2
+    refused = (
+        "--depth-factor: this is for meshes and in.npz holds pictures; leave it out, or give only the middle views"
+    )
+    assert refused in capsys.readouterr().err
 
 
 def make_box(*sides):
