@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ciir.models.light_field.windows import View
 
 ROUNDS = 8
-OWN_WEIGHT = np.float32(8)
+OWN_WEIGHT = np.float32(5)
 """Weight of the view itself; that of another one is at most 1. Its place is certain."""
 WIENER = 0.2
 """Noise of Wiener's filter, as a share of a flat picture's power."""
@@ -40,8 +40,9 @@ SOFT = np.float32(0.08**2)
 """Squared difference, in units of contrast, at which a pixel of another view counts half."""
 PATCH, AROUND = 3, 9
 """Sides of that patch, and of the square over which views are brought to the same brightness, in pixels of a view."""
-STRIP_ROWS, MARGIN = 64, 12
-"""Rows of a view that are processed at once, to save memory, and rows on each side whose result is not used."""
+STRIP_PIXELS, FEWEST_ROWS, MARGIN = 20_000, 32, 12
+"""Pixels of a view that are processed at once, as whole rows, to save memory; the fewest rows; and rows on each side
+whose result is not used."""
 EDGE = 16
 """Pixels by which a picture is continued for Wiener's filter."""
 
@@ -77,11 +78,12 @@ def match_views(
     content at a pixel hardly counts. All are in units of the view's contrast.
     """
     scale = len(picture) // len(own.luma)
-    height = len(own.luma)
+    height, width = own.luma.shape
+    count = max(FEWEST_ROWS, STRIP_PIXELS // width)
     shifts = {offset: _find_shift(own, seen.luma, offset) for offset, seen in others.items()}
     result = np.empty_like(picture)
-    for top in range(0, height, STRIP_ROWS):
-        bottom = min(top + STRIP_ROWS, height)
+    for top in range(0, height, count):
+        bottom = min(top + count, height)
         first, last = max(0, top - MARGIN), min(bottom + MARGIN, height)
         strip = Seen(own.luma[first:last], own.disparity[first:last])
         links = [_link(strip, strip, (0, 0), np.zeros(2, np.float32), down=0, scale=scale)]

@@ -40,6 +40,8 @@ AT_ONCE, AT_ONCE_PIXELS = 3, 130_000
 """Most views that are upscaled at once, to save memory: the first number, or as many as have so few pixels."""
 JPEG_NOISE = 3.0
 """Factor on the differences from the input that count as noise, so that little of a JPEG's errors comes back."""
+MATCHING_NOISE = 1 / 3
+"""Factor on those differences if several views are matched: noise differs from view to view, content doesn't."""
 LEVELS = 2**16 - 1
 MATCHED_MACS = 150_000
 """Views that a network with at least so many multiply-adds for each output pixel makes are matched too: it takes longer
@@ -79,6 +81,11 @@ def list_line(view: View, grid: tuple[int, int], axis: int, side: int = BLOCK_SI
 def list_cross(view: View, grid: tuple[int, int]) -> list[View]:
     """Lists the views that the disparity of `view` is measured with, and `view` itself."""
     return sorted({other for axis in (0, 1) for other in list_line(view, grid, axis, CROSS_SIDE)})
+
+
+def list_nearest(view: View, grid: tuple[int, int]) -> list[View]:
+    """Lists the views that `view` is matched with, the nearest four in its row and column, and `view` itself."""
+    return sorted({other for axis in (0, 1) for other in list_line(view, grid, axis)})
 
 
 def list_block(view: View, grid: tuple[int, int]) -> list[View]:
@@ -139,7 +146,7 @@ class FusingUpscaler:
         numbers = [number for number, finishing in enumerate(finished) if self._is_fused(finishing)]
         self._fuse_rows({other for number in numbers for other in list_line(wanted[number], self._grid, 0)})
         if self._matches:
-            self._find_disparities({other for number in numbers for other in list_block(wanted[number], self._grid)})
+            self._find_disparities({other for number in numbers for other in list_nearest(wanted[number], self._grid)})
         result: Any = np.stack([self._upscaled[view].picture for view in wanted])
 
         def fuse(number: int) -> None:
@@ -224,8 +231,8 @@ class FusingUpscaler:
         return self._samplings[view] or find_common_means([self._samplings[other] for other in block])
 
     def _fuse(self, view: View, picture: Pixels, sampling: Sampling | None) -> bool:
-        """Changes `picture`, the upscaled `view`, to the mean of its block, and returns whether it was matched with the
-        block as well. All channels change by as much as luma.
+        """Changes `picture`, the upscaled `view`, to the mean of its block, and returns whether it was matched as well.
+        All channels change by as much as luma.
         """
         small = self._views[view]
         contrast = _measure_contrast(small)
@@ -237,10 +244,10 @@ class FusingUpscaler:
         if matched and sampling:
             seen = {
                 (v - view[0], u - view[1]): Seen(compute_luma(self._views[v, u], contrast), self._disparities[v, u])
-                for v, u in list_block(view, self._grid)
+                for v, u in list_nearest(view, self._grid)
             }
-            levels = float(np.iinfo(small.dtype).max)
-            fused = match_views(fused, seen.pop((0, 0)), seen, sampling.kind, noise=noise * levels / contrast)
+            unsure = MATCHING_NOISE * noise * float(np.iinfo(small.dtype).max) / contrast
+            fused = match_views(fused, seen.pop((0, 0)), seen, sampling.kind, noise=unsure)
         change = np.rint(fused * np.float32(contrast) - compute_luma(picture, 1)).astype(np.int32)
         for channel in np.moveaxis(picture, -1, 0):
             channel[...] = np.clip(channel + change, 0, np.iinfo(picture.dtype).max)
