@@ -56,14 +56,26 @@ def _partial(folder: Path, name: str) -> Path:
 
 
 @contextmanager
+def _naming(path: Path, temporary: Path) -> Iterator[None]:
+    """Makes errors of the operating system that name `temporary`, or a file in it, name `path`."""
+    try:
+        yield
+    except OSError as error:
+        if str(error.filename).startswith(str(temporary)):
+            error.filename = str(path)
+        raise
+
+
+@contextmanager
 def replacing(path: Path) -> Iterator[IO[bytes]]:
     """Opens a binary file that takes `path`'s place when the block ends, and is removed if the block raises."""
-    path = place_for_file(path)
+    given, path = path, place_for_file(path)
     temporary = _partial(path.parent, path.name)
     try:
-        with temporary.open("xb") as file:
-            yield file
-        temporary.replace(path)
+        with _naming(given, temporary):
+            with temporary.open("xb") as file:
+                yield file
+            temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -74,22 +86,26 @@ class Staged:
     def __init__(self, path: Path) -> None:
         if path.exists() and not path.is_dir():
             raise InvalidOption(f"{path}: a file is there; name a folder for the output, or remove it")
+        self._given = path
         self.path = path.resolve()
         if self.path.is_dir():  # it may be the root of a file system: files outside can't be moved into it
             self.temporary = _partial(self.path, self.path.name)
         else:
             _check_folder(self.path)
             self.temporary = _partial(self.path.parent, self.path.name)
-        self.temporary.mkdir()
+        with _naming(path, self.temporary):
+            self.temporary.mkdir()
 
     def write(self, name: str, data: bytes) -> None:
         """Writes a file in the folder."""
-        (self.temporary / name).write_bytes(data)
+        with _naming(self._given, self.temporary):
+            (self.temporary / name).write_bytes(data)
 
     def commit(self, remove: Collection[str] = ()) -> None:
         """Moves everything into place, and removes the files called `remove` that were not written again."""
         if not self.path.exists():
-            self.temporary.rename(self.path)
+            with _naming(self._given, self.temporary):
+                self.temporary.rename(self.path)
             return
         names = sorted(file.name for file in self.temporary.iterdir())
         for name in names:  # all names are checked before the first is replaced

@@ -1,8 +1,7 @@
-"""Decides by its suffix whether `-o` names a file or a folder, and refuses suffixes of other file types."""
+"""Decides by its suffix whether `-o` names a file or a folder, and refuses unknown suffixes."""
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,18 +13,12 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Sequence
 
-_FILES = re.compile(
-    r"\.(7z|avi|avif|bmp|bz2|csv|exr|gif|glb|gltf|gz|h5|hdf|hdf5|heic|heif|htm|html|ico|jp2|jpe|jpeg|jpg|json|jxl|m4v|"
-    r"mat|mkv|mov|mp4|mpeg|mpg|npy|npz|obj|off|pdf|pfm|pgm|ply|png|pnm|ppm|psd|rar|stl|svg|tar|tga|tgz|tif|tiff|toml|txt|webm|webp|"
-    r"xz|zip)"
-)
-"""Suffixes that are not taken as part of a folder's name."""
-
 
 def names_file(text: str, suffixes: Sequence[str], *, what: str) -> bool:
     """Checks whether `text` names a file with one of `suffixes` (lower case) rather than a folder, for writing `what`.
 
-    Raises `InvalidOption` if `text` is empty or has the suffix of another file type.
+    A folder that exists and a name that ends with `/` are folders, whatever their suffix, and so is a name without one.
+    Raises `InvalidOption` if `text` is empty or has another suffix, which may be mistyped.
     """
     if not text:
         raise InvalidOption(f"-o: '' is not a name; give one for {what}")
@@ -33,7 +26,7 @@ def names_file(text: str, suffixes: Sequence[str], *, what: str) -> bool:
     suffix = path.suffix.lower()
     if text.endswith("/") or path.is_dir():
         return False
-    if suffix not in suffixes and _FILES.fullmatch(suffix):
+    if suffix and suffix not in suffixes:
         ends = f"{', '.join(suffixes)}, or / for a folder" if suffixes else "/ for a folder"
         raise InvalidOption(f"{text}: {what} can't be written as {suffix}; end the name with {ends}")
     return suffix in suffixes

@@ -71,7 +71,7 @@ def empty_folder(tmp_path, monkeypatch):
         (["reconstruct", "gone.glb", "-o", "out"], ["gone.glb"]),
         (["reconstruct", "scene:teapot", "-o", "out"], ["teapot", "hamburger"]),
         (["reconstruct", "scene:vase", "-o", "out", "--len", "5x5"], ["--len"]),
-        (["reconstruct", "scene:vase", "-o", __file__, "--model", "none"], ["a file is there"]),
+        (["reconstruct", "scene:vase", "-o", __file__, "--model", "none"], ["as .py"]),
         (["elemental", "scene:vase", "-o", "eia.gif"], ["eia.gif", ".png"]),
         (["elemental", "scene:vase", "-o", "eia.obj"], [".jpeg, .webp\n"]),
         (["elemental", "scene:vase", "-o", "eia.mat/"], [".jpeg, .webp\n"]),

@@ -63,16 +63,26 @@ def test_no_name_is_refused(folder, capsys, command):
 @pytest.mark.parametrize(
     ("command", "name"),
     [
-        *(("reconstruct", f"zz.{suffix}") for suffix in ("ico", "bmp", "ICO", "tar.gz")),
+        *(("reconstruct", f"zz.{suffix}") for suffix in ("ico", "bmp", "ICO", "tar.gz", "pgn", "v2", "2024.11.29")),
         ("upscale a picture", "zz.gif"),
+        ("upscale a picture", "zz.pgn"),
         ("upscale a folder", "zz.png"),
-        ("upscale a folder", "zz.zip"),
+        ("upscale a folder", "zz.v2"),
+        ("convert", "zz.npzz"),
+        ("refocus", "zz.pgn"),
+        ("batch", "{stem}.pgn"),
     ],
 )
 def test_a_file_of_another_kind_is_refused_before_any_work(folder, capsys, monkeypatch, command, name):
     for work in ("ciir.service.pipeline.run.reconstruct", "ciir.service.cli.commands.pictures.upscale.upscale_files"):
         monkeypatch.setattr(work, pytest.fail)
-    refused(capsys, [*COMMANDS[command], "-o", name], name, "/ for a folder")
+    words = {
+        "convert": ["convert", "../cube.off"],
+        "refocus": ["refocus", "../cube.off", "--disparity", "0"],
+        "batch": ["batch", "../in", "-o", "out", "--name"],
+    }
+    given = words.get(command) or COMMANDS[command]
+    refused(capsys, [*given, *([] if command == "batch" else ["-o"]), name], name, "/ for a folder")
     assert list(folder.iterdir()) == []
 
 
@@ -82,9 +92,19 @@ def test_the_demo_takes_a_folder(folder, capsys, monkeypatch):
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_slash_means_a_folder(folder, command):
-    assert main([*COMMANDS[command], "-o", "foo.png/"]) == 0
-    assert (folder / "foo.png").is_dir()
+@pytest.mark.parametrize("name", ["foo.png", "2024.11.29"])
+def test_a_slash_means_a_folder_and_so_does_one_that_is_there(folder, command, name):
+    for given in (f"{name}/", name):
+        assert main([*COMMANDS[command], "-o", given]) == 0
+        assert (folder / name).is_dir()
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("name", ["x", "x.png"])
+def test_an_error_names_what_was_given(folder, capsys, command, name):
+    name = "x/" if command == "upscale a folder" else name
+    line = fails(capsys, *COMMANDS[command], "-o", f"/proc/{name}")
+    assert line.startswith(f"ciir: /proc/{name.rstrip('/')}: "), line
 
 
 def test_elemental_makes_no_folder(folder, capsys):
@@ -92,7 +112,9 @@ def test_elemental_makes_no_folder(folder, capsys):
 
 
 def test_names_of_folders(tmp_path):
-    assert not output_path.names_file("run.v2", [".png"], what="views")
+    assert not output_path.names_file("run", [".png"], what="views")
+    assert not output_path.names_file("run.v2/", [".png"], what="views")
+    assert not output_path.names_file(".run", [".png"], what="views")
     assert not output_path.names_file(str(tmp_path), [".png"], what="views")
     (tmp_path / "there.jpg").mkdir()
     assert not output_path.names_file(str(tmp_path / "there.jpg"), [".png"], what="views")

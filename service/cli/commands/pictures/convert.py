@@ -54,11 +54,12 @@ def run(args: argparse.Namespace) -> None:
 
 def _find_format(wanted: str | None, out: str) -> str | None:
     """Returns the name of the format to write, or None for a folder of views."""
-    if wanted is None:
+    if wanted is None or not out:
         is_file = output_path.names_file(out, list(WHOLE_BY_SUFFIX), what="a light field")
         return WHOLE_BY_SUFFIX[Path(out).suffix.lower()].name if is_file else None
     if wanted == FOLDER:
-        output_path.resolve_folder(out, what="a folder of views")
+        if Path(out).suffix.lower() in WHOLE_BY_SUFFIX:
+            output_path.resolve_folder(out, what="a folder of views")
         return None
     found = find_whole_format(wanted, Path(out))
     return None if found is None else found.name

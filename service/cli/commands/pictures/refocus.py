@@ -6,7 +6,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ciir.errors import InvalidOption
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.stacks import PLANE, PLANE_BY_SUFFIX, STACK, STACK_BY_SUFFIX, check_rate, write_folder
 from ciir.service.cli import common, output_path
@@ -43,12 +42,11 @@ def _find_writer(out: str, count: int, fps: float | None) -> Callable[[Stack], l
     Raises `InvalidOption` if it can't write them, or if `fps` is given but `out` is not a video.
     """
     writers, by_suffix = (PLANE, PLANE_BY_SUFFIX) if count == 1 else (STACK, STACK_BY_SUFFIX)
-    what, suffix = "one plane" if count == 1 else "a stack of planes", Path(out).suffix.lower()
+    what = "one plane" if count == 1 else "a stack of planes"
     if output_path.names_file(out, list(by_suffix), what=what):
-        check_rate(fps, by_suffix[suffix])
-        return partial(_write_file, Path(out), writers[by_suffix[suffix]])
-    if suffix in {**PLANE_BY_SUFFIX, **STACK_BY_SUFFIX} and not out.endswith("/"):
-        raise InvalidOption(f"{out}: {what} can't be written as {suffix}; end the name with {', '.join(by_suffix)}")
+        name = by_suffix[Path(out).suffix.lower()]
+        check_rate(fps, name)
+        return partial(_write_file, Path(out), writers[name])
     check_rate(fps, None)
     return partial(write_folder, Path(out))
 
