@@ -229,8 +229,8 @@ def find_main(bundle: Bundle) -> tuple[Format, str] | None:
         found = [key for key in found if not key.lower().endswith(".ply")]
     if len(found) > 1:
         raise Unreadable(
-            f"{name}: holds {len(found)} meshes ({_list_some(found)}); give one of them, or a folder of them to ciir "
-            "batch, which reconstructs each"
+            f"{name}: holds {len(found)} meshes ({_list_some(found)}); give one of them, or a folder of them to `ciir "
+            "batch`, which reconstructs each"
         )
     if found:
         return identify(found[0], bundle.files[found[0]]), found[0]

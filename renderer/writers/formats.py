@@ -33,17 +33,18 @@ if TYPE_CHECKING:
 class SingleWriter(Writer):
     """Writes one view into a binary file. A picture holds no report."""
 
-    def __init__(self, file: IO[bytes], picture: pictures.PictureFormat) -> None:
-        self._file, self._picture = file, picture
+    def __init__(self, file: IO[bytes], picture: pictures.PictureFormat, options: WriterOptions) -> None:
+        self._file, self._picture, self._options = file, picture, options
 
     def begin(self, contents: Contents) -> None:
         """Refuses more than one view, and pixels that the format can't hold."""
         contents.refuse_times(self._picture.name)
         count = len(contents.views)
         if count != 1:
+            folder = "a folder (a name without a suffix), " if self._options.name else ""
             raise InvalidOption(
-                f"format: {self._picture.name} holds one view and {count} are asked for; give a folder (a name without "
-                "a suffix), zip or npz, or one view"
+                f"format: {self._picture.name} holds one view and {count} are asked for; give {folder}zip or npz, or "
+                "one view"
             )
         self._picture.encode(contents.sample)
 
@@ -77,7 +78,11 @@ class Format:
 
 def _picture(picture: pictures.PictureFormat) -> Format:
     """Makes a format for one view."""
-    return Format(picture.name, picture.suffixes, picture.media_type, lambda file, _: SingleWriter(file, picture))
+
+    def open_writer(file: IO[bytes], options: WriterOptions) -> Writer:
+        return SingleWriter(file, picture, options)
+
+    return Format(picture.name, picture.suffixes, picture.media_type, open_writer)
 
 
 def _container(

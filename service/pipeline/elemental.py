@@ -47,7 +47,7 @@ def render_eia(
         scene = given.read_mesh(options)
     job = resolve_job(given.name, scene, replace(options, pickup=None), max_views=given.limits.views)
     points = array.rows * array.cols * job.samples**2
-    check_samples(points, array.pixels_v * array.pixels_u, max_pixels, "upscale")
+    check_samples(points, array.pixels_v * array.pixels_u, max_pixels, "upscale", samples=job.samples)
     views = MeshViews(scene, job, Plan("upscale", NO_MODEL, 1, job.samples), clock)
     views.open()
     pixels: Pixels = views.render_eia(progress)

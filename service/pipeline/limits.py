@@ -29,10 +29,6 @@ SETTINGS = {
     "views": ("CIIR_MAX_VIEWS", 1, 16_777_216),
 }
 """Each limit of `renderer.limits.Limits` -> the environment variable that sets it, its least and its largest value."""
-_REMEDY: dict[Strategy, str] = {
-    "upscale": "pinhole sampling",
-    "direct": "a smaller scale or strategy upscale",
-}
 
 
 def read_limits() -> Limits:
@@ -106,26 +102,36 @@ def check_size(
         )
 
 
+def _list_remedies(strategy: Strategy, samples: int, *others: str) -> str:
+    """Lists `others` and what else makes fewer samples of a mesh with `samples x samples` points for each pixel."""
+    fewer = ["a smaller scale", "strategy upscale"] if strategy == "direct" else ["sampling pinhole"] * (samples > 1)
+    *most, last = [*others, "fewer lenses", *fewer]
+    return f"{', '.join(most)} or {last}" if most else last
+
+
 def check_view_samples(array: LensArray, samples: int, strategy: Strategy) -> None:
     """Raises `TooLarge` if a view of `array` with `samples x samples` points for each pixel has too many points."""
     points = array.rows * array.cols * samples**2
     if points > MAX_VIEW_SAMPLES:
         raise TooLarge(
             f"a view of {array.rows}x{array.cols} pixels with {samples}x{samples} samples each is {points:,} samples, "
-            f"over the limit of {MAX_VIEW_SAMPLES:,}; give fewer lenses or {_REMEDY[strategy]}"
+            f"over the limit of {MAX_VIEW_SAMPLES:,}; give {_list_remedies(strategy, samples)}"
         )
 
 
-def check_samples(points: int, count: int, limit: int | None, strategy: Strategy, *, neighbours: int = 0) -> None:
-    """Raises `TooLarge` if `count` views with `points` samples each are over `limit`.
+def check_samples(
+    points: int, count: int, limit: int | None, strategy: Strategy, *, samples: int, neighbours: int = 0
+) -> None:
+    """Raises `TooLarge` if `count` views with `points` samples each, `samples x samples` for a pixel, are over `limit`.
 
     `neighbours`: how many of them are rendered only because a light-field network needs them.
     """
     if limit is not None and count * points > limit:
+        others = ("fewer views", *([f"model {DEFAULT}"] if neighbours else []))
         around = f", {neighbours} of them around those asked for," if neighbours else ""
         raise TooLarge(
             f"{count} views of {points:,} samples each{around} are {count * points:,}, over the limit of {limit:,}; "
-            f"ask for fewer views, fewer lenses{f', model {DEFAULT}' if neighbours else ''} or {_REMEDY[strategy]}"
+            f"ask for {_list_remedies(strategy, samples, *others)}"
         )
 
 

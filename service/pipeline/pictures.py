@@ -126,7 +126,7 @@ def upscale_files(
             for profile, names in profiles.items()
         ]
         + [
-            f"{name}: holds several views, and they were upscaled as one picture; ciir convert with a model upscales "
+            f"{name}: holds several views, and they were upscaled as one picture; `ciir convert` with a model upscales "
             "each of them"
             for name in several
         ]

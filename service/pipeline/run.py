@@ -262,7 +262,14 @@ def _schedule(job: Job, plan: Plan, views: ViewSource, wanted: Sequence[View]) -
     batches = schedule_batches(wanted, _arrange(job, plan), size=size, is_light_field=plan.is_light_field)
     count = sum(len(batch.new) for batch in batches)
     neighbours = count - len(job.wanted)
-    check_samples(views.samples, count * job.frames, job.max_pixels, plan.strategy, neighbours=neighbours * job.frames)
+    check_samples(
+        views.samples,
+        count * job.frames,
+        job.max_pixels,
+        plan.strategy,
+        samples=job.samples,
+        neighbours=neighbours * job.frames,
+    )
     return batches
 
 

@@ -197,7 +197,7 @@ class Input:
         content = self.read(options) if self.holds_mesh() else None
         if not isinstance(content, Scene):
             raise InvalidOption(
-                f"{self.name}: holds pictures; give a mesh (ciir convert writes the elemental image array of a light "
+                f"{self.name}: holds pictures; give a mesh (`ciir convert` writes the elemental image array of a light "
                 "field)"
             )
         return content
@@ -260,7 +260,8 @@ def _make_pose(options: Options) -> MeshPose:
     times = options.time or (None,)
     if len(times) > 1:
         raise InvalidOption(
-            f"time: {len(times)} times make a video of one view, with reconstruct; give one time for anything else"
+            f"time: {len(times)} times make a video of one view, with `ciir reconstruct`; give one time for anything "
+            "else"
         )
     if options.animation is not None and options.time is None:
         raise InvalidOption(f"animation: {options.animation!r} is shown at a time; give time, too, such as 0")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 
@@ -13,12 +14,15 @@ from starlette.routing import Match
 
 from ciir.errors import Error, QueueFull
 from ciir.service.errors import find_response, join_lines
+from ciir.service.pipeline.options import KINDS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from fastapi import FastAPI
     from starlette.requests import Request
+
+    from ciir.service.pipeline.options import KindName
 
 METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS")
 MEDIA_TYPE = "application/problem+json"
@@ -27,11 +31,28 @@ _DETAILS = {
     404: "there is nothing at this path; GET /docs lists the routes",
     405: "this path does not support the method; the Allow header lists the supported ones",
 }
+_KINDS: dict[str, KindName] = {
+    "reconstruct": "reconstruction",
+    "convert": "reconstruction",
+    "upscale": "upscale",
+    "elemental": "elemental",
+    "refocus": "plane",
+    "depth": "disparity",
+}
+_REQUESTS = {command: f"POST /v1/{KINDS[kind].plural}" for command, kind in _KINDS.items()} | {
+    "models": "GET /v1/models"
+}
+"""Commands of the command line that messages name -> requests that do the same."""
 MOST_PATH = 200
 """Most characters of a path in a problem and in the log."""
 RETRY_SECONDS = "1"
 """`Retry-After` of a 503."""
 _log = logging.getLogger("ciir")
+
+
+def format_message(text: str) -> str:
+    """Formats a message as one line, with requests in place of commands: `POST /v1/upscales` for `ciir upscale`."""
+    return re.sub(rf"`ciir ({'|'.join(_REQUESTS)})`", lambda found: _REQUESTS[found[1]], join_lines(text))
 
 
 def describe_problem(path: str, status: int, detail: str, title: str | None = None) -> dict[str, Any]:
@@ -43,7 +64,7 @@ def describe_problem(path: str, status: int, detail: str, title: str | None = No
         "type": "about:blank" if title is None else "urn:ciir:" + title.lower().replace(" ", "-"),
         "title": title or HTTPStatus(status).phrase,
         "status": status,
-        "detail": join_lines(detail),
+        "detail": format_message(detail),
         "instance": path[:MOST_PATH],
     }
 

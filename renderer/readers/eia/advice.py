@@ -19,7 +19,7 @@ SAME_PITCH = 0.003
 """A share of the pitch: the last of 200 lenses would be off by 0.6 of its pixels."""
 USUAL_PIXELS = 15
 """Pixels along each side of an elemental image; it determines how many lenses are looked at."""
-PLAIN = "an ordinary photo is enlarged by upscale, not by reconstruct"
+PLAIN = "an ordinary photo is upscaled with `ciir upscale`"
 RAW = "give lens_pitch auto for a raw lenslet picture, whose lenses aren't a whole number of pixels wide"
 
 

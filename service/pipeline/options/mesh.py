@@ -155,8 +155,8 @@ class MeshOptions:
         yaw, *others = list_yaws(self.rotate)
         if others:
             raise InvalidOption(
-                f"rotate: {len(others) + 1} yaws make a video of one view, with reconstruct; give one yaw for anything "
-                "else"
+                f"rotate: {len(others) + 1} yaws make a video of one view, with `ciir reconstruct`; give one yaw for "
+                "anything else"
             )
         place = -1.0 if self.place is None else self.place
         rotate = yaw, *self.rotate[1:]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from ciir.renderer.lens_array import MAX_PIXELS
 from ciir.renderer.readers.layout import Arrangement, OrderCheck
 from ciir.renderer.views import DepthSense, Flip, Pickup
 from ciir.service.pipeline.options import values
@@ -21,7 +22,10 @@ READING = {
         "50x50",
     ),
     "pixels": Option(
-        "KvxKu", "rows x columns of pixels under each lens (default for a mesh: 15x15)", values.PAIR, "9x9"
+        "KvxKu",
+        "rows x columns of pixels under each lens (default for a mesh: 15x15)",
+        values.make_pair(MAX_PIXELS),
+        "9x9",
     ),
     "pitch": Option(
         "LENGTH", "distance between lenses in scene units (default for a mesh: 1)", make_number(1e-9, 1e9), "0.5"

@@ -75,16 +75,14 @@ class ValueType:
             raise InvalidOption(f"{name}: {value} is out of range; give {kind}{least:g} to {most:g}")
 
 
-def read_pair(name: str, text: str) -> tuple[int, int]:
-    """Parses `5x7` as (5, 7), for the option `name`. Raises `InvalidOption`."""
+def read_pair(name: str, text: str, most: int = _MOST) -> tuple[int, int]:
+    """Parses `5x7` as (5, 7), for the option `name`. Raises `InvalidOption`, also for a number over `most`."""
     match = re.fullmatch(r"\s*(\d{1,20})\s*[xX]\s*(\d{1,20})\s*", text)
     if match is None:
         raise InvalidOption(f"{name}: {text[:40]!r} is not understood; give rows x columns, such as 100x100")
     counts = int(match[1]), int(match[2])
-    if not all(1 <= count <= _MOST for count in counts):
-        raise InvalidOption(
-            f"{name}: {counts[0]}x{counts[1]} is out of range; give at least 1x1 and at most {_MOST:,} of each"
-        )
+    if not all(1 <= count <= most for count in counts):
+        raise InvalidOption(f"{name}: {counts[0]}x{counts[1]} is out of range; give 1 to {most:,} of each")
     return counts
 
 
@@ -206,13 +204,18 @@ def make_form(
     return ValueType({"type": "string", "pattern": f"^({pattern})?$"}, read, convert, needed, write)
 
 
-PAIR = ValueType(
-    {"type": "string", "pattern": "^([1-9][0-9]{0,5}x[1-9][0-9]{0,5})?$"},
-    read_pair,
-    _convert_pair,
-    f"rows and columns from 1 to {_MOST:,}, such as (50, 50)",
-    lambda pair: "{}x{}".format(*pair),
-)
+def make_pair(most: int = _MOST) -> ValueType:
+    """Makes a type for rows x columns, each from 1 to `most`."""
+    return ValueType(
+        {"type": "string", "pattern": "^([1-9][0-9]{0,5}x[1-9][0-9]{0,5})?$"},
+        lambda name, text: read_pair(name, text, most),
+        lambda value: _convert_whole_numbers(value, 2, most),
+        f"rows and columns from 1 to {most:,}, such as (50, 50)",
+        lambda pair: "{}x{}".format(*pair),
+    )
+
+
+PAIR = make_pair()
 MARGINS = make_form(
     "[0-9]{1,6}(,[0-9]{1,6}){3}",
     form="TOP,LEFT,BOTTOM,RIGHT, such as 0,0,7,5",

@@ -103,7 +103,7 @@ def test_the_one_mesh_of_a_set_and_its_textures() -> None:
 
 
 def test_two_meshes() -> None:
-    with pytest.raises(Unreadable, match=r"holds 2 meshes \(a\.obj, b\.obj\); give one of them, or .* to ciir batch"):
+    with pytest.raises(Unreadable, match=r"holds 2 meshes \(a\.obj, b\.obj\); give one of them, or .* to `ciir batch`"):
         read({"b.obj": OBJ, "a.obj": OBJ})
 
 

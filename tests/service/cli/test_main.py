@@ -75,7 +75,10 @@ def empty_folder(tmp_path, monkeypatch):
         (["elemental", "scene:vase", "-o", "eia.gif"], ["eia.gif", ".png"]),
         (["elemental", "scene:vase", "-o", "eia.obj"], [".jpeg, .webp\n"]),
         (["elemental", "scene:vase", "-o", "eia.mat/"], [".jpeg, .webp\n"]),
-        (["elemental", "scene:vase", "-o", "eia.mat"], [".webp, or use ciir convert, which writes all views as .mat"]),
+        (
+            ["elemental", "scene:vase", "-o", "eia.mat"],
+            [".webp, or use `ciir convert`, which writes all views as .mat"],
+        ),
         (["elemental", "scene:vase", "-o", "eia.jpg", "--model", "paper"], ["--model"]),
         (["serve", "--port", "many"], ["port", "65535"]),
         (["reconstruct", "scene:vase", "-o", "out", "--lenses", "-5x5"], ["lenses: '-5x5'", "100x100"]),

@@ -33,21 +33,25 @@ def test_size_of_views():
 
 def test_samples_of_a_view():
     limits.check_view_samples(array(2000, 2000), 4, "upscale")
-    with pytest.raises(TooLarge, match=r"2001x2000.*pinhole"):
+    with pytest.raises(TooLarge, match=r"2001x2000.*give fewer lenses or sampling pinhole$"):
         limits.check_view_samples(array(2001, 2000), 4, "upscale")
-    with pytest.raises(TooLarge, match=r"2001x2000.*give fewer lenses or a smaller scale or strategy upscale$"):
+    with pytest.raises(TooLarge, match=r"9000x9000.*give fewer lenses$"):
+        limits.check_view_samples(array(9000, 9000), 1, "upscale")
+    with pytest.raises(TooLarge, match=r"2001x2000.*give fewer lenses, a smaller scale or strategy upscale$"):
         limits.check_view_samples(array(2001, 2000), 4, "direct")
 
 
 def test_samples_of_all_views():
-    limits.check_samples(10_000, 25, 250_000, "upscale")
-    limits.check_samples(10_000, 25, None, "upscale")
-    with pytest.raises(TooLarge, match=r"25 views of 10,000 samples each are 250,000.*fewer views, fewer lenses or"):
-        limits.check_samples(10_000, 25, 249_999, "upscale")
+    limits.check_samples(10_000, 25, 250_000, "upscale", samples=1)
+    limits.check_samples(10_000, 25, None, "upscale", samples=1)
+    with pytest.raises(TooLarge, match=r"25 views of 10,000 samples each are 250,000.*fewer views or fewer lenses$"):
+        limits.check_samples(10_000, 25, 249_999, "upscale", samples=1)
+    with pytest.raises(TooLarge, match=r"fewer views, fewer lenses or sampling pinhole$"):
+        limits.check_samples(10_000, 25, 249_999, "upscale", samples=4)
     with pytest.raises(TooLarge, match=r"24 of them around those asked for, are 250,000.*model fast"):
-        limits.check_samples(10_000, 25, 249_999, "upscale", neighbours=24)
-    with pytest.raises(TooLarge, match=r"fewer lenses or a smaller scale or strategy upscale$"):
-        limits.check_samples(10_000, 25, 249_999, "direct")
+        limits.check_samples(10_000, 25, 249_999, "upscale", samples=1, neighbours=24)
+    with pytest.raises(TooLarge, match=r"fewer lenses, a smaller scale or strategy upscale$"):
+        limits.check_samples(10_000, 25, 249_999, "direct", samples=1)
 
 
 def test_elemental_image_arrays():

@@ -88,7 +88,7 @@ def test_pictures_of_several_views_are_noted():
     _, report = run({"a.png": eia, "b.png": other, "c_qs8x6a0.75.png": other})
     names = [note.partition(":")[0] for note in report["notes"]]
     assert names == ["a.png", "c_qs8x6a0.75.png"]
-    assert "upscaled as one picture; ciir convert with a model upscales each of them" in report["notes"][0]
+    assert "upscaled as one picture; `ciir convert` with a model upscales each of them" in report["notes"][0]
 
 
 def test_colour_profiles_that_are_not_srgb_are_noted_once_each():

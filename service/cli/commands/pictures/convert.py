@@ -24,7 +24,7 @@ def run(args: argparse.Namespace) -> None:
         (varied,) = options.moments[0]
         raise InvalidOption(
             f"{'rotate' if varied == 'yaw' else varied}: {len(options.moments)} {varied}s make a video of one view, "
-            f"with ciir reconstruct; give one {varied} for ciir convert, which writes all views"
+            f"with `ciir reconstruct`; give one {varied} for `ciir convert`, which writes all views"
         )
     if options.model == NO_MODEL and hasattr(args, "option_scale"):
         raise InvalidOption(

@@ -26,7 +26,7 @@ def run(args: argparse.Namespace) -> None:
     if suffix not in SUFFIXES or args.out.endswith("/"):
         listed = ", ".join(SUFFIXES)
         is_file = suffix in WHOLE_BY_SUFFIX and not args.out.endswith("/")
-        other = f", or use ciir convert, which writes all views as {suffix}" if is_file else ""
+        other = f", or use `ciir convert`, which writes all views as {suffix}" if is_file else ""
         raise InvalidOption(f"{args.out or '-o'}: not a picture's name; end it with one of {listed}{other}")
     output_path.check_places(args)
     options, source = common.parse_options(args), open_source(args.input)

@@ -205,9 +205,9 @@ def test_a_pitch_that_is_no_whole_number_is_not_called_the_size_of_elemental_ima
 
 def test_a_picture_that_shows_no_elemental_images_may_be_a_photo():
     photo = np.random.default_rng(0).integers(0, 256, (90, 120, 3), np.uint8)
-    assert message(photo).endswith("; an ordinary photo is enlarged by upscale, not by reconstruct")
+    assert message(photo).endswith("; an ordinary photo is upscaled with `ciir upscale`")
     (note,) = read(photo, pixels=(9, 10)).notes
-    assert note.endswith("; an ordinary photo is enlarged by upscale, not by reconstruct")
+    assert note.endswith("; an ordinary photo is upscaled with `ciir upscale`")
 
 
 def test_margins_are_not_guessed_from_the_size():

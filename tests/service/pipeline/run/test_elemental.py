@@ -49,7 +49,9 @@ def test_its_png_is_read_without_options(cube, pickup):
 def test_elemental_wants_a_mesh():
     for source in (eia_bundle(EIA), Bundle("set", None, {"view_00_00.png": EIA_PNG})):
         for options in (Options(), Options(lenses=(50, 50)), Options(pixels=(3, 3))):
-            with pytest.raises(InvalidOption, match=r"holds pictures; give a mesh \(ciir convert writes the elemental"):
+            with pytest.raises(
+                InvalidOption, match=r"holds pictures; give a mesh \(`ciir convert` writes the elemental"
+            ):
                 render_eia(source, options, pytest.fail)
 
 

@@ -1,8 +1,10 @@
 """Jobs that are not run, or fail."""
 
+import numpy as np
 import pytest
 
 from ciir.errors import QueueFull, QueueUnavailable
+from ciir.renderer.writers.pictures import encode_png
 from ciir.service.jobs.job import Problem
 from tests.support.web import POST, check_problem, post_file, run_app
 
@@ -74,3 +76,23 @@ def test_a_long_path_is_cut(client):
     response = client.get("/" + "x" * 10_000)
     assert (response.status_code, len(response.content) < 500) == (404, True)
     assert response.json()["instance"] == "/" + "x" * 199
+
+
+@pytest.mark.parametrize(
+    ("fields", "part", "other"),
+    [
+        ({"views": "cross", "format": "png"}, "give zip or npz, or one view", "folder"),
+        ({"format": "quilt"}, "or POST to /v1/displays", "ciir"),
+        ({"rotate": "0:90:3", "views": "all"}, "give one of them with views", "ciir"),
+    ],
+)
+def test_remedies_can_be_followed_over_http(client, fields, part, other):
+    given = {"scene": "vase", "lenses": "5x5", "model": "none", **fields}
+    response = client.post(POST, files={name: (None, value) for name, value in given.items()})
+    assert other not in check_problem(response, 422, part)
+
+
+def test_a_photo_is_upscaled_by_another_request(client):
+    photo = encode_png(np.random.default_rng(0).integers(0, 256, (31, 37, 3), np.uint8))
+    detail = check_problem(post_file(client, "photo.png", photo, model="none"), 422)
+    assert detail.endswith("an ordinary photo is upscaled with POST /v1/upscales")

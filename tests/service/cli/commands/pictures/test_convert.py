@@ -89,7 +89,7 @@ def test_a_mesh_is_rendered(tmp_path):
         (["-o", "in.npz"], "the input is there"),
         (
             ["-o", "a.npz", "--time", "0,0.1"],
-            "time: 2 times make a video of one view, with ciir reconstruct; give one time for ciir convert",
+            "time: 2 times make a video of one view, with `ciir reconstruct`; give one time for `ciir convert`",
         ),
         (["-o", "folder", "--fps", "5"], "fps: a folder of views has no use for it; leave it out, or give format mp4"),
     ],
