@@ -42,7 +42,7 @@ def is_turned(pickup: Pickup) -> bool:
 def check_depth_sense(sense: str) -> None:
     """Raises `InvalidOption` for an unknown depth sense."""
     if sense not in ("lenses", "cameras"):
-        raise InvalidOption(f"depth_sense: {sense!r} is not known; give lenses or cameras")
+        raise InvalidOption(f"depth_sense: {sense!r} is not known; give cameras or lenses")
 
 
 def center_view(pixels_v: int, pixels_u: int) -> View:

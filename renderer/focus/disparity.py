@@ -281,15 +281,12 @@ def check_views(views: NDArray[Any]) -> None:
     """
     height, width = views.shape[2:4]
     if views.shape[0] * views.shape[1] < 2:
-        raise InvalidOption("disparity: one view shows no depth; give a light field with two views or more")
+        raise InvalidOption("one view shows no depth; give a light field with two views or more")
     if min(height, width) < LEAST_SIDE:
-        raise InvalidOption(
-            f"disparity: views of {height}x{width} pixels show none; give {LEAST_SIDE}x{LEAST_SIDE} or more"
-        )
+        raise InvalidOption(f"views of {height}x{width} pixels show no depth; give {LEAST_SIDE}x{LEAST_SIDE} or more")
     if height * width * LEAST_PLANES > MOST_COSTS:
         raise TooLarge(
-            f"disparity: views of {height}x{width} pixels are too large; give {MOST_COSTS // LEAST_PLANES:,} pixels or "
-            "fewer"
+            f"views of {height}x{width} pixels are too large; give {MOST_COSTS // LEAST_PLANES:,} pixels or fewer"
         )
 
 

@@ -96,7 +96,7 @@ def open_input(
         and (layout.selects_frame or _find_quilt(bundle, found[1], layout) is not None)
     ):
         raise InvalidOption(
-            "frame: this is for a video of elemental image arrays (lenses or arrangement eia) or of quilts "
+            "frame: this is for a video of elemental image arrays (with lenses or arrangement eia) or of quilts "
             f"(NAME_qs8x6a0.75.mp4); leave it out for {name}"
         )
     if layout.lens_grid is None and found is not None and found[0] in (LYTRO, LYTRO_RAW):

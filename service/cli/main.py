@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _run(words)
     except Error as error:
         more = describe_setting(error) if isinstance(error, TooLarge) else ""
-        return _print_error(format_message(f"{error}{more}", words), find_response(error).exit)
+        return _print_error(format_message(f"{error}{more}", words[1:]), find_response(error).exit)
     except BrokenPipeError:
         _discard_output()
         return PIPE_CLOSED

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from ciir.service.errors import join_lines
@@ -11,19 +12,53 @@ from ciir.service.pipeline.options import OPTIONS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-_NAMES = "|".join(name for name in (*OPTIONS, "show_grid") if "_" in name)
-_OPTION = re.compile(rf"""(?<![\w./\\'"-])(?:{_NAMES})(?![\w/\\'"-]|\.\w)""")
-"""The name of an option as a word of a sentence: not a part of a path, and not a quoted value."""
+_NAMES = (*OPTIONS, "show_grid")
+_VALUES = {name: option.type.schema.get("enum", []) for name, option in OPTIONS.items()} | {
+    "lens_pitch": ["auto"],
+    "model": ["auto", "none", "bicubic", "fast"],
+    "views": ["all"],
+}
+"""Words that only the value of an option can be where they follow its name."""
+_FORM = r"\d+x\d+|-?\d+:[\d:.-]*\d|[A-Z]+[x,][A-Z,]+"
+"""Values such as `50x50`, `0:360:60` and `ROWSxCOLUMNS`."""
+_BEFORE, _AFTER = r"""(?<![\w./\\'"-])""", r"""(?![\w/\\'"-]|\.\w)"""
+"""Around words of a sentence: not parts of paths, and not quoted values."""
+_VALUED = "|".join(f"{name} (?:{'|'.join([*_VALUES.get(name, ()), _FORM])})" for name in _NAMES)
+_ITEM = f"(?:{_VALUED}|{'|'.join(_NAMES)}){_AFTER}"
+_MORE = f"(?:(?:,| and| or|, and|, or) {_ITEM})"
+_END = r"(?=[;,.)]|$| \(| (?:out|too|and|or|as|in pixels|in millimetres|instead|of its|to|that|with)\b)"
+_LEAD = "|".join(rf"(?<=\b{word} )" for word in ("give", "give another", "leave", "need", "needs", "with", "one of"))
+_OWN = "|".join(name for name in _NAMES if "_" in name)
+_HEADING = re.compile(f"{_ITEM}{_MORE}*(?=:)")
+"""Options that a message is about."""
+_PLACES = re.compile(
+    f"(?:{_LEAD}){_ITEM}{_MORE}*{_END}"
+    f"|{_BEFORE}(?:{_VALUED}){_AFTER}(?: {_ITEM})?"
+    f"|{_BEFORE}(?:{_OWN}){_AFTER}(?:{_MORE}+{_END})?"
+    f"|{_BEFORE}(?:{'|'.join(_NAMES)})(?= (?:gives|selects)\\b)"
+)
+"""Where names are those of options and no plain words: in remedies, before values, and names that no plain word has."""
+_OPTION = re.compile(f"{_BEFORE}(?:{_VALUED}|{'|'.join(_NAMES)}){_AFTER}")
 
 
-def format_message(text: str, given: Sequence[str] = ()) -> str:
-    """Formats a message as one line, with options as they are typed: `--lens-pitch` for the `lens_pitch` of JSON.
+def format_message(text: str, given: Sequence[str] | None = None) -> str:
+    """Formats a message as one line, with options as they are typed: `--lens-pitch auto` for `lens_pitch auto`.
 
-    Names that are words of `given`, such as the arguments of the command, are kept: they may be names of files.
+    `given`: the arguments of the command, or other names of files, for an error. Names of options in them are kept.
+    None: the text is a note, whose first word may be plain.
     """
-    kept = {name for word in given for name in _OPTION.findall(word)}
+    kept = {name for word in given or () for name in _NAMES if name in (*word.split(), PurePath(word).name)}
+    written: set[str] = set()
 
     def write(found: re.Match[str]) -> str:
-        return found[0] if found[0] in kept else f"--{found[0].replace('_', '-')}"
+        name, _, value = found[0].partition(" ")
+        if name in kept:
+            return found[0]
+        written.add(name)
+        return f"--{name.replace('_', '-')}{value and ' '}{value}"
 
-    return _OPTION.sub(write, join_lines(text))
+    line = _PLACES.sub(lambda found: _OPTION.sub(write, found[0]), join_lines(text))
+    heading = _HEADING.match(line)
+    if heading and (given is not None or not written.isdisjoint(heading[0].split(", "))):
+        line = _OPTION.sub(write, heading[0]) + line[heading.end() :]
+    return line

@@ -105,8 +105,8 @@ def check_size(
 def _list_remedies(strategy: Strategy, samples: int, *others: str) -> str:
     """Lists `others` and what else makes fewer samples of a mesh with `samples x samples` points for each pixel."""
     fewer = ["a smaller scale", "strategy upscale"] if strategy == "direct" else ["sampling pinhole"] * (samples > 1)
-    *most, last = [*others, "fewer lenses", *fewer]
-    return f"{', '.join(most)} or {last}" if most else last
+    listed = [*others, "fewer lenses", *fewer]
+    return " or ".join(part for part in (", ".join(listed[:-1]), listed[-1]) if part)
 
 
 def check_view_samples(array: LensArray, samples: int, strategy: Strategy) -> None:

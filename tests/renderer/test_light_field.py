@@ -260,7 +260,7 @@ def test_notes_are_counted_where_it_is_shown():
 def test_an_unknown_depth_sense_is_refused(sense):
     views = np.zeros((1, 2, 3, 4, 3), np.uint8)
     for make in (lambda: LightField(views, depth_sense=sense), lambda: LightField(views).with_depth_sense(sense)):
-        with pytest.raises(InvalidOption, match=r"depth_sense: .* is not known; give lenses or cameras"):
+        with pytest.raises(InvalidOption, match=r"depth_sense: .* is not known; give cameras or lenses"):
             make()
 
 

@@ -46,12 +46,12 @@ def place_before_cameras(model: Model, cameras: DepthScale, sense: DepthSense, a
     faces = model.faces[is_known[model.faces].all(axis=1)]
     if not len(faces):
         raise InvalidOption(
-            "model: all disparities are those of content beyond infinity; check the geometry of the cameras, the depth "
-            "sense, and the depth at which the pictures were aligned (convergence, in Python zero)"
+            "all disparities are those of content beyond infinity; check the geometry of the cameras and the depth "
+            "sense; if the pictures were aligned at a depth, give it with convergence (in Python zero)"
         )
     share = 1 - len(faces) / len(model.faces)
     note = (
         f"{100 * share:.2g} % of the triangles are left out: disparity is less than {LEAST_DISPARITY:g} pixels from "
-        "that of infinity; if the pictures were aligned at a depth, give it as convergence (in Python zero)"
+        "that of infinity; if the pictures were aligned at a depth, give it with convergence (in Python zero)"
     )
     return replace(model, vertices=vertices, faces=faces, notes=(*model.notes, *[note] * (share > 0)))

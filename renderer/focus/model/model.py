@@ -182,7 +182,7 @@ def _make_before_lenses(
         model = replace(model, faces=model.faces[explains_views(model.scene(), field, is_shown, array)])
     if model is None or not len(model.faces):
         raise InvalidOption(
-            "model: the views show nothing but background, which is black or transparent and reaches their borders; "
+            "the views show nothing but background, which is black or transparent and reaches their borders; "
             "give views of a scene, or in Python keeps_background"
         )
     colors = np.broadcast_to(fit_colors(model.scene(), field, array) + np.float32(0.5), model.colors.shape)

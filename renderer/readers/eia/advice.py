@@ -107,8 +107,8 @@ def note_period(periods: Periods, grid: Pair, *, fits: bool) -> str:
     plain = "" if seen else f"; {PLAIN}"
     seen = f"but {seen}" if seen else "which the picture doesn't show clearly"
     return (
-        f"arrangement: read as elemental images of {grid[0]}x{grid[1]} pixels, {seen}; check lenses and pixels, or "
-        f"give arrangement mosaic for views side by side{plain}"
+        f"arrangement: read as elemental images of {grid[0]}x{grid[1]} pixels, {seen}; give lenses and pixels "
+        f"that match it, or arrangement mosaic for views side by side{plain}"
     )
 
 

@@ -144,7 +144,7 @@ def _describe_elemental_images(picture: Pixels) -> str:
     """Says what to give instead for a picture without a lens grid."""
     sizes = " or ".join("{}x{}".format(*size) for size in Periods(picture).rank_sizes())
     seen = f" (by its period {sizes})" if sizes else ""
-    return f"if it is an elemental image array, leave lens_pitch out and give its pixels{seen}, or its lenses"
+    return f"if it is an elemental image array, leave lens_pitch out and give lenses or pixels{seen}"
 
 
 def _describe_difference(picture: Pixels, known: Known, taken: Calibration) -> str:

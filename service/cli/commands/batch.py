@@ -15,6 +15,7 @@ from ciir.errors import InvalidOption
 from ciir.renderer.writers.formats import BY_SUFFIX
 from ciir.service.cli import common, output_path
 from ciir.service.cli.messages import format_message
+from ciir.service.errors import join_lines
 from ciir.service.pipeline.source import SCENE
 
 if TYPE_CHECKING:
@@ -120,8 +121,8 @@ def _showing(total: int) -> Iterator[Report]:
             nonlocal done, shown, total
             done, total = done + 1, total + added
             if outcome is not None and outcome.status == "failed":
-                what = _name_once(task.source, outcome.error)
-                bar.write(f"ciir: {format_message(what, [task.source])}", file=sys.stderr)
+                what = _name_once(task.source, format_message(outcome.error, [task.source]))
+                bar.write(f"ciir: {join_lines(what)}", file=sys.stderr)
             bar.total = total
             bar.update()
             now = time.monotonic()

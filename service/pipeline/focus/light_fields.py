@@ -118,7 +118,7 @@ def find_depths(options: Options, report: Report, scale: int = 1) -> DepthScale 
     if sense == "lenses":
         raise InvalidOption(
             f"camera_pitch: this is for camera arrays, and {report['input']['name']} holds views of a lens array, each "
-            "with parallel rays; give its pitch and delta, or depth_sense cameras if they are from a camera array"
+            "with parallel rays; give pitch and delta, or depth_sense cameras if they are from a camera array"
         )
     zero = math.inf if options.convergence is None else options.convergence
     columns = scale * array["cols"]

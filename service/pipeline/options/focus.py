@@ -186,7 +186,7 @@ class FocusOptions:
         """Raises `InvalidOption` if options of planes don't go together."""
         self.count_planes()
         if self.stack is None and self.stack_of != "disparities":
-            raise InvalidOption("stack_of: this says what stack counts; leave it out or give stack")
+            raise InvalidOption("stack_of: this needs stack; leave it out or give stack")
         if self.aperture is None and self.aperture_shape != "disc":
             raise InvalidOption("aperture_shape: this needs aperture, the radius in views; give both")
         if self.all_in_focus == "yes":

@@ -211,7 +211,7 @@ def test_flat_views_show_no_depth():
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 9), (9, 3)])
 def test_views_of_few_pixels_are_refused(shape):
-    with pytest.raises(InvalidOption, match=f"views of {shape[0]}x{shape[1]} pixels show none; give 4x4 or more"):
+    with pytest.raises(InvalidOption, match=f"views of {shape[0]}x{shape[1]} pixels show no depth; give 4x4 or more"):
         LightField(np.zeros((3, 3, *shape, 3), np.uint8)).disparity()
 
 

@@ -189,7 +189,7 @@ def test_views_in_a_wrong_order_are_put_right_with_a_note(tmp_path, capsys):
     for options, is_noted in (([], True), (["--order", "given"], False)):
         argv = [str(tmp_path / "views"), "-o", str(tmp_path / "out.npz"), "--views", "0,4", "--model", "none", *options]
         assert main(["reconstruct", *argv]) == 0
-        note = "ciir: note: order: 5x5 views, rows x columns: in 0_4.png 0 is the column and 4 the row, which fits"
+        note = "ciir: note: --order: 5x5 views, rows x columns: in 0_4.png 0 is the column and 4 the row, which fits"
         assert capsys.readouterr().err.startswith(note) == is_noted
         written = np.load(tmp_path / "out.npz")["views"][0]
         assert np.array_equal(written, views[0, 4] if is_noted else views[4, 0])

@@ -57,7 +57,7 @@ def containers(tmp_path_factory):
         (
             {"frame": 1},
             (
-                "frame: this is for a video of elemental image arrays (lenses or arrangement eia) or of quilts "
+                "frame: this is for a video of elemental image arrays (with lenses or arrangement eia) or of quilts "
                 "(NAME_qs8x6a0.75.mp4); leave it out for {}"
             ),
         ),

@@ -141,7 +141,7 @@ def test_views_of_nothing_are_refused():
     with pytest.raises(InvalidOption, match="nothing but background"):
         make_model(LightField(np.zeros((3, 3, 8, 8, 3), np.uint8)))
     for shape in ((3, 3, 2, 2, 3), (1, 2, 1, 5, 3)):
-        with pytest.raises(InvalidOption, match="show none; give 4x4 or more"):
+        with pytest.raises(InvalidOption, match="show no depth; give 4x4 or more"):
             make_model(LightField(np.zeros(shape, np.uint8)))
     with pytest.raises(InvalidOption, match="one view shows no depth"):
         make_model(LightField(np.full((1, 1, 8, 8, 3), 9, np.uint8)))

@@ -113,8 +113,8 @@ def test_a_picture_that_shows_another_period_or_none_is_noted(vase):
     (note,) = read(vase, lenses=(75, 75), order="given").notes
     assert note == (
         "arrangement: read as elemental images of 6x6 pixels, but the picture repeats about every 8x9 pixels, which "
-        f"doesn't divide it as elemental images would (pixels 9x9 or 10x10); {RAW}; check lenses and pixels, or give "
-        "arrangement mosaic for views side by side"
+        f"doesn't divide it as elemental images would (pixels 9x9 or 10x10); {RAW}; give lenses and pixels that match "
+        "it, or arrangement mosaic for views side by side"
     )
     noise = np.random.default_rng(0).integers(0, 256, (120, 120, 3), np.uint8)
     (note,) = read(noise, pixels=(12, 12), order="given").notes

@@ -11,6 +11,7 @@ from ciir import models
 from ciir.models.cards import Accuracy
 from ciir.renderer.writers.pictures import encode
 from ciir.service.cli.main import main
+from ciir.service.cli.messages import format_message
 from tests.support.cli import fails
 from tests.support.inputs import make_picture
 from tests.support.light_fields import make_views, put_in, write_views
@@ -169,7 +170,7 @@ def test_evaluate_reads_as_asked_and_notes_what_it_found(tmp_path, capsys):
     assert main(given) == 0
     printed = capsys.readouterr()
     (note,) = json.loads(tmp_path.with_suffix(".json").read_text())["notes"]
-    assert printed.err == f"ciir: note: {note}\n"
+    assert printed.err == f"ciir: note: {format_message(note)}\n"
     assert "order: 5x5 views" in note
     assert main([*given, "--order", "given"]) == 0
     assert "order: 5x5" not in capsys.readouterr().err

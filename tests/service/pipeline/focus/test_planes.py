@@ -149,7 +149,7 @@ def test_progress_counts_views_and_planes():
         ({"depth": "5", "camera_pitch": "2", "focal_length": "36"}, "camera_pitch: depths need focal_length and"),
         ({"depth": "-5", **CAMERA_ARRAY}, "-5 mm is not in front of the cameras"),
         ({"disparity": "1", **CAMERA_ARRAY}, "camera_pitch: this is for depths"),
-        ({"disparity": "1", "stack_of": "depths"}, "stack_of: this says what stack counts"),
+        ({"disparity": "1", "stack_of": "depths"}, "stack_of: this needs stack"),
         ({"disparity": "1", "aperture_shape": "gauss"}, "aperture_shape: this needs aperture"),
         (
             {"disparity": "1", "occluders": "remove", "method": "delta"},
