@@ -1,4 +1,7 @@
-"""Runs networks on the CPU with onnxruntime, which is imported only here, when the first network is loaded."""
+"""Runs networks on the CPU with onnxruntime, which is imported when the first network is loaded.
+
+At run time only this module imports it; `training.export.export` also does, to check exported networks.
+"""
 
 from __future__ import annotations
 

@@ -322,7 +322,7 @@ class LightField:
         """Returns the content of the views as coloured triangles, in lens array coordinates; `save` writes GLB and
         PLY.
 
-        `pitch`, `delta`: those of the lens array, if known. `cameras`: for a camera array, `DepthScale.of_cameras`,
+        `pitch`, `delta`: those of the lens array, if known. `cameras`: for a camera array, `DepthScale.from_cameras`,
         with which depths and widths are true; without it z is in proportion to disparity, with a note. Black or
         transparent pixels that are joined to the border of a view are left out, unless `keeps_background`.
         `ciir.renderer.focus.model` describes the method and the units.

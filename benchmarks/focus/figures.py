@@ -47,7 +47,9 @@ def main(argv: list[str] | None = None) -> int:
 
 def draw_stack(light_field: ciir.LightField) -> NDArray[np.uint8]:
     """Draws planes at `DEPTHS`, at half size, in rows of three."""
-    cameras = ciir.DepthScale.of_cameras(pitch=2, focal_length=35, sensor_width=36, columns=light_field.views.shape[3])
+    cameras = ciir.DepthScale.from_cameras(
+        pitch=2, focal_length=35, sensor_width=36, columns=light_field.views.shape[3]
+    )
     planes = [picture[..., :3] for picture in light_field.planes(cameras.to_disparity(DEPTHS))]
     small = np.array([np.asarray(Image.fromarray(plane).reduce(2)) for plane in planes])
     return np.vstack([np.hstack(list(row)) for row in (small[:3], small[3:])])

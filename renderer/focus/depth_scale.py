@@ -32,7 +32,7 @@ class DepthScale:
     """Cameras: tangent of the angle between the middle of a picture and the next pixel; None if it is unknown."""
 
     @classmethod
-    def of_lenses(cls, array: LensArray, sense: DepthSense = "lenses") -> DepthScale:
+    def from_lenses(cls, array: LensArray, sense: DepthSense = "lenses") -> DepthScale:
         """Returns the scale in front of a lens array: depths along -z in scene units, `delta * depth / pitch` pixels.
 
         `sense`: the depth sense of the light field; with `cameras` its views are in reverse order.
@@ -42,7 +42,7 @@ class DepthScale:
         return cls(factor if sense == "lenses" else -factor, is_inverse=False)
 
     @classmethod
-    def of_cameras(
+    def from_cameras(
         cls,
         pitch: float,
         focal_length: float,

@@ -126,7 +126,7 @@ def estimate_order(views: Views) -> OrderEstimate:
     """Estimates the order that `views`, `(V, U, H, W, C)`, are in. Looks at the centre view and at most 24 around it,
     or 32 if the grid has an even number of columns.
 
-    The order is `as given` if nothing can be said: for a grid of less than 3x3, for small pictures or those without
+    The order is `as given` if it can't be estimated: for a grid of less than 3x3, for small pictures or those without
     texture, and if content hardly moves. A certain wrong order must put blocks in two corners of the grid right too. In
     a grid of 3x3 there are no other blocks, and every view has been looked at.
     """

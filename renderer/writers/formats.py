@@ -99,7 +99,7 @@ def _container(
 
 
 def check_options(options: WriterOptions, uses: tuple[str, ...], what: str) -> None:
-    """Raises `InvalidOption` for an option that differs from its default and that `what`, with its `uses`, ignores."""
+    """Raises `InvalidOption` for an option that differs from its default, unless it is in `uses`, those of `what`."""
     for field in fields(WriterOptions):
         if field.name not in {*OF_FILE, *uses} and getattr(options, field.name) != field.default:
             others = ", ".join(entry.name for entry in FORMATS.values() if field.name in entry.uses)

@@ -40,12 +40,12 @@ PLACE = dict.fromkeys(
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs `argv` (by default the process's own) and returns the exit status. Errors are one line on stderr."""
-    words = sys.argv[1:] if argv is None else argv
+    given = sys.argv[1:] if argv is None else argv
     try:
-        _run(words)
+        _run(given)
     except Error as error:
         more = describe_setting(error) if isinstance(error, TooLarge) else ""
-        return _print_error(format_message(f"{error}{more}", words[1:]), find_response(error).exit)
+        return _print_error(format_message(f"{error}{more}", given[1:]), find_response(error).exit)
     except BrokenPipeError:
         _discard_output()
         return PIPE_CLOSED

@@ -49,12 +49,12 @@ class Photograph:
         return height // covered, width // covered
 
     @property
-    def whole(self) -> downscale.Pair:
-        """The degraded whole picture and its HR."""
+    def pair(self) -> downscale.Pair:
+        """The whole degraded picture and its HR."""
         return downscale.downscale_picture(self.kind, self.among[self.index], self.scale)
 
     def crop(self, rows: slice, cols: slice) -> downscale.Pair:
-        """Returns these LR rows and columns and their HR, with the same pixels as in the degraded whole picture."""
+        """Returns these LR rows and columns and their HR, with the same pixels as in the whole degraded picture."""
         return downscale.downscale_crop(self.kind, self.among[self.index], self.scale, rows, cols)
 
 
@@ -62,16 +62,16 @@ class Rendered:
     """A view and its truth, kept in memory."""
 
     def __init__(self, pair: downscale.Pair) -> None:
-        self.whole = pair
+        self.pair = pair
 
     @property
     def size(self) -> tuple[int, int]:
         """Rows and columns of LR."""
-        return self.whole.low.shape[0], self.whole.low.shape[1]
+        return self.pair.low.shape[0], self.pair.low.shape[1]
 
     def crop(self, rows: slice, cols: slice) -> downscale.Pair:
         """Returns these LR rows and columns, and their HR."""
-        return downscale.crop_pair(self.whole, len(self.whole.high) // len(self.whole.low), rows, cols)
+        return downscale.crop_pair(self.pair, len(self.pair.high) // len(self.pair.low), rows, cols)
 
 
 Pair = Photograph | Rendered
@@ -150,7 +150,7 @@ class Crops:
 
     def _stack_pairs(self, device: torch.device) -> PairStack:
         side, pairs = self.crop // self.scale, self._pairs
-        return PairStack(self._sizes, lambda index: pairs[index].whole, side=side, scale=self.scale, device=device)
+        return PairStack(self._sizes, lambda index: pairs[index].pair, side=side, scale=self.scale, device=device)
 
     def make_batch(self, step: int) -> tuple[Tensor, Tensor]:
         """Makes LR `(batch, 3, crop/scale, crop/scale)` and HR `(batch, 3, crop, crop)` on `device`, in [0, 1]."""

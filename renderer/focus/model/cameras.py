@@ -23,9 +23,9 @@ LEAST_DISPARITY = 0.05
 
 
 def check_cameras(cameras: DepthScale) -> None:
-    """Raises `InvalidOption` for anything but what `DepthScale.of_cameras` returns."""
+    """Raises `InvalidOption` for anything but what `DepthScale.from_cameras` returns."""
     if not isinstance(cameras, DepthScale) or not cameras.is_inverse or cameras.tangent is None:
-        raise InvalidOption("cameras: not the geometry of a camera array; give what DepthScale.of_cameras returns")
+        raise InvalidOption("cameras: not the geometry of a camera array; give what DepthScale.from_cameras returns")
 
 
 def place_before_cameras(model: Model, cameras: DepthScale, sense: DepthSense, aspect: float = 1.0) -> Model:

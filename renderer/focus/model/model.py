@@ -99,7 +99,7 @@ def make_model(
     from one view to the next, by default that of `renderer.lens_array`, with a note. A wrong one stretches the model
     along z, and changes no view that is rendered with the same one.
 
-    `cameras`: for a camera array, `DepthScale.of_cameras`. The model is then to scale, in the unit of its distances:
+    `cameras`: for a camera array, `DepthScale.from_cameras`. The model is then to scale, in the unit of its distances:
     the origin is the middle of the cameras, which look along -z. Without it their views are taken as those of the lens
     array that shows the same: content without disparity lies in its plane, nearer content in front of it, and z is in
     proportion to disparity, not to distance, with a note.

@@ -112,7 +112,7 @@ def find_depths(options: Options, report: Report, scale: int = 1) -> DepthScale 
         if array["pitch"] is None or array["delta"] is None:
             return None
         lenses = LensArray(*(array[name] for name in ("rows", "cols", "pixels_v", "pixels_u", "pitch", "delta")))
-        return DepthScale.of_lenses(lenses, sense="cameras")
+        return DepthScale.from_lenses(lenses, sense="cameras")
     if array["pitch"] is not None or array["delta"] is not None:
         raise InvalidOption("camera_pitch: this is for camera arrays and the input has a lens array; leave one out")
     if sense == "lenses":
@@ -122,4 +122,4 @@ def find_depths(options: Options, report: Report, scale: int = 1) -> DepthScale 
         )
     zero = math.inf if options.convergence is None else options.convergence
     columns = scale * array["cols"]
-    return DepthScale.of_cameras(options.camera_pitch, options.focal_length, options.sensor, columns, zero=zero)
+    return DepthScale.from_cameras(options.camera_pitch, options.focal_length, options.sensor, columns, zero=zero)

@@ -88,7 +88,7 @@ class _Planes:
         depths = self._captured.depths
         if depths is None:
             raise InvalidOption(
-                f"depth: nothing relates depth to disparity in {self._captured.report['input']['name']}; give pitch "
+                f"depth: the geometry of {self._captured.report['input']['name']} is unknown; give pitch "
                 "and delta of its lens array, or camera_pitch, focal_length and sensor in millimetres, or a disparity"
             )
         if depths.is_inverse and self._values.min() <= 0:

@@ -170,7 +170,7 @@ class FocusOptions:
         """Returns the number of planes to make. Raises `InvalidOption` unless exactly one of `ASKED` is given."""
         given = [name for name in ASKED if getattr(self, name) not in (None, "no")]
         if len(given) != 1:
-            what = f"{', '.join(given)}: these ask for different pictures" if given else "nothing says what to focus on"
+            what = f"{', '.join(given)}: these ask for different pictures" if given else "no plane is asked for"
             raise InvalidOption(f"{what}; give one of disparity, depth, stack and all_in_focus")
         if self.stack is None:
             return 1

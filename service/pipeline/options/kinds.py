@@ -70,7 +70,7 @@ class Kind:
     formats: tuple[str, ...]
     """Names of the formats that it writes."""
     default_format: str
-    """The rule in words."""
+    """The rule that selects the format if none is given."""
     help: Mapping[str, str] = field(default_factory=dict)
     """Help texts that differ from those in `OPTIONS`."""
     defaults: Mapping[str, str] = field(default_factory=dict)

@@ -21,12 +21,12 @@ AUTO_MODEL = (
     f"{LIGHT_FIELD_DEFAULT} for a mesh (within the neighbour time, else {DEFAULT}) and for grids of 3x3 views and up; "
     f"{FALLBACK} for other captured views and for pictures; their int8 twins if the processor supports them"
 )
-"""The rule of `auto` in words. `service.pipeline.planning.model_selection` applies it."""
+"""The rule of `auto`. `service.pipeline.planning.model_selection` applies it."""
 MAX_SCALE = 8
 OTHER_SCALES = (
     "the shipped networks upscale by 2 only: for 4, upscale the result again, and for others give model bicubic"
 )
-"""What to do for a scale that the networks don't have, in words."""
+"""What to do for a scale that the networks don't have."""
 
 UPSCALING = {
     "views": Option(

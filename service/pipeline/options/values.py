@@ -191,7 +191,7 @@ def make_form(
 ) -> ValueType:
     """Makes a type of values whose text matches `pattern`, ignoring spaces around commas, colons and semicolons.
 
-    `form` describes the pattern in words, for messages. `parse` gets an option's name and a matching text, and returns
+    `form` describes the pattern, for messages. `parse` gets an option's name and a matching text, and returns
     the value. The other arguments are those of `ValueType`.
     """
 

@@ -83,8 +83,8 @@ def predict_extra(
 ) -> float:
     """Predicts how many milliseconds more the views of `mesh` take with the network `light_field` than with `single`.
 
-    That includes rendering the neighbouring views. Typical costs, which need no measurement, are used if they leave no
-    doubt whether the result is over `bound` milliseconds.
+    That includes rendering the neighbouring views. Typical costs, which need no measurement, are used if they are
+    certain to put the result over `bound` milliseconds, or under it.
     """
     rays = job.array.rows * job.array.cols * job.samples**2
     extra = 0.0

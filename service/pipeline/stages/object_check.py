@@ -17,7 +17,7 @@ LEAST_SHARE = 0.05
 
 
 class ObjectCheck:
-    """Counts how much of an object stands out from the background, until a picture leaves no doubt."""
+    """Counts how much of an object stands out from the background, until one picture shows that it does."""
 
     def __init__(self, background: tuple[int, int, int], *, hides_backs: bool = False) -> None:
         """`hides_backs`: whether some of the object's materials hide the backs of their faces."""

@@ -42,7 +42,7 @@ def find_sharpest(views, scale, depth, method):
 def test_a_point_before_a_lens_array_is_sharpest_at_its_depth(depth, sense, method):
     array = LensArray(41, 47, 7, 7, pitch=1.0, delta=0.1)
     views = render(make_sheet(depth), array)
-    scale = DepthScale.of_lenses(array, sense)
+    scale = DepthScale.from_lenses(array, sense)
     error = find_sharpest(views if sense == "lenses" else views[::-1, ::-1], scale, depth, method)
     assert abs(error) <= SPACINGS[method] / 2
 
@@ -60,7 +60,7 @@ def test_a_point_before_cameras_is_sharpest_at_its_depth(depth, sense, method):
         x = 39.5 + focal * (1.0 - cameras["pitch"] * (u - 2)) / depth
         y = 29.5 + focal * (-0.5 - cameras["pitch"] * (v - 2)) / depth
         views[v, u, ..., 0] = 200 * np.exp(-(np.square(rows - y) + np.square(cols - x)) / 2)
-    scale = DepthScale.of_cameras(**cameras, sense=sense)
+    scale = DepthScale.from_cameras(**cameras, sense=sense)
     error = find_sharpest(views if sense == "cameras" else views[::-1, ::-1], scale, depth, method)
     assert abs(error) <= SPACINGS[method] / 2
 

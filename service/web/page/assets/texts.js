@@ -31,7 +31,7 @@ export const TEXTS = {
   waiting: "The picture appears here.",
   noFiles: "The folder has no files. Choose one that has some.",
   changed: "The file was changed or removed after it was chosen. Choose it again.",
-  needsLenses: "How many lenses does the picture show? Give their rows x columns, such as 50x50. To enlarge an ordinary photo, use ciir upscale instead.",
+  needsLenses: "How many lenses does the picture show? Give their rows x columns, such as 50x50. To upscale an ordinary photo, use ciir upscale instead.",
   reading: "Reading the file",
   packing: "Packing the files",
   // settings

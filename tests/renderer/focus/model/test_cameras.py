@@ -9,7 +9,7 @@ from ciir.renderer.lens_array import LensArray
 from ciir.renderer.light_field import LightField
 
 ROWS, COLS, PITCH = 100, 160, 2.0
-CAMERAS = DepthScale.of_cameras(PITCH, 35, 36, COLS)
+CAMERAS = DepthScale.from_cameras(PITCH, 35, 36, COLS)
 STRIPS = ((200.0, -np.inf, np.inf), (100.0, -20.0, 0.0), (50.0, 8.0, 18.0))
 """Depth, left and right end in millimetres: the first is a wall."""
 
@@ -61,7 +61,7 @@ def make_triangle(z):
 @pytest.mark.parametrize(("zero", "aspect"), [(np.inf, 1.0), (400.0, 1.0), (np.inf, 2.0)])
 @pytest.mark.parametrize("sense", ["cameras", "lenses"])
 def test_a_point_lies_on_its_pixels_ray(zero, aspect, sense):
-    cameras = DepthScale.of_cameras(PITCH, 35, 36, COLS, zero=zero, sense=sense)
+    cameras = DepthScale.from_cameras(PITCH, 35, 36, COLS, zero=zero, sense=sense)
     disparity = float(cameras.to_disparity(100)) * (1 if sense == "lenses" else -1)  # that of lenses
     placed = place_before_cameras(make_triangle(-disparity * 0.5 / 0.1), cameras, sense, aspect)
     pixel = 36 / COLS / 35 * 100
@@ -90,7 +90,7 @@ def test_what_may_be_infinitely_far_is_left_out_with_a_note():
 
 @pytest.mark.parametrize("cameras", [3, DepthScale(1.0, is_inverse=True), DepthScale(1.0, is_inverse=False)])
 def test_other_geometry_is_refused(cameras):
-    with pytest.raises(InvalidOption, match=r"cameras: not the geometry.*; give what DepthScale.of_cameras returns"):
+    with pytest.raises(InvalidOption, match=r"cameras: not the geometry.*; give what DepthScale.from_cameras returns"):
         make_model(LightField(np.zeros((3, 3, 8, 8, 3), np.uint8)), cameras=cameras)
 
 

@@ -138,12 +138,12 @@ def test_progress_counts_views_and_planes():
 @pytest.mark.parametrize(
     ("texts", "message"),
     [
-        ({}, "nothing says what to focus on; give one of disparity, depth, stack and all"),
+        ({}, "no plane is asked for; give one of disparity, depth, stack and all"),
         ({"disparity": "0", "stack": "0:1:3"}, "disparity, stack: these ask for different pictures"),
         ({"stack": "1:1:3"}, "3 planes from 1 to 1 make no stack"),
         ({"stack": "0:1:1"}, "give 2 to 1024 planes"),
         ({"stack": "0:1:1025"}, "give 2 to 1024 planes"),
-        ({"depth": "5"}, "nothing relates depth to disparity in light field; give pitch and delta"),
+        ({"depth": "5"}, "the geometry of light field is unknown; give pitch and delta"),
         ({"depth": "5", "camera_pitch": "2"}, "camera_pitch: depths need focal_length and sensor too"),
         ({"depth": "5", "sensor": "2"}, "sensor: this needs camera_pitch"),
         ({"depth": "5", "camera_pitch": "2", "focal_length": "36"}, "camera_pitch: depths need focal_length and"),

@@ -93,7 +93,7 @@ def test_bad_input(client, bad_input):
 @pytest.mark.parametrize(
     ("kind", "texts", "said"),
     [
-        ("plane", {}, "nothing says what to focus on"),
+        ("plane", {}, "no plane is asked for"),
         ("plane", {"disparity": "1", "stack": "0:1:3"}, "these ask for different pictures"),
         ("plane", {"depth": "5", "sensor": "2"}, "sensor: this needs camera_pitch"),
         ("disparity", {"limits": "2:-2"}, "limits: 2:-2 is not a range"),

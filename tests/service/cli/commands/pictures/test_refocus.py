@@ -55,14 +55,14 @@ def test_a_stack_from_below_zero_in_any_format(given, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["-o", "a.png"], "nothing says what to focus on"),
+        (["-o", "a.png"], "no plane is asked for"),
         (["-o", "a.png", "--stack", "0:1:3"], "a.png: a stack of planes can't be written as .png; end the name with"),
         (["-o", "a.mp4", "--disparity", "0"], "a.mp4: one plane can't be written as .mp4; end the name with .png"),
         (["-o", "a.exr", "--disparity", "0"], "a.exr: one plane can't be written as .exr"),
         (["-o", "in.npz", "--disparity", "0"], "the input is there"),
         (["-o", "a.gif", "--stack", "0:1:3", "--fps", "60"], "fps: 60 is over the 50"),
         (["-o", "a.png", "--disparity", "0", "--fps", "9"], "fps: format png has no use for it; leave it out"),
-        (["-o", "a.png", "--depth", "5"], "depth: nothing relates depth to disparity in in.npz"),
+        (["-o", "a.png", "--depth", "5"], "depth: the geometry of in.npz is unknown"),
         (["-o", "a.png", "--disparity", "0", "--views", "all"], "unrecognized arguments: --views all"),
     ],
 )
