@@ -11,6 +11,7 @@ import numpy as np
 
 from ciir.bit_depth import count_unused_camera_bits, raise_levels
 from ciir.errors import InvalidOption
+from ciir.renderer.backends.progress import ignore_progress, report_made, report_one
 from ciir.renderer.levels import advise_levels, round_levels
 from ciir.renderer.views import advise_axes, center_view, check_depth_sense, flip_axes, is_turned, read_index
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from ciir.renderer.backends.progress import Progress
     from ciir.renderer.focus.apertures import Shape
     from ciir.renderer.focus.depth_scale import DepthScale
     from ciir.renderer.focus.disparity import DisparityMap
@@ -147,12 +149,20 @@ class LightField:
         """
         return replace(self, views=self.views.swapaxes(0, 1), is_ordered=False)
 
-    def save(self, path: str | PathLike[str], /, format: str | None = None, **options: Any) -> tuple[str, ...]:  # noqa: A002
+    def save(
+        self,
+        path: str | PathLike[str],
+        /,
+        format: str | None = None,  # noqa: A002
+        *,
+        progress: Progress | None = None,
+        **options: Any,
+    ) -> tuple[str, ...]:
         """Writes the light field in a format of `docs/formats.md`, which the name decides if `format` is not given.
 
         A picture (`.png`, `.tif`, `.jpg`) is the elemental image array, except for a display if the options or a
         quilt's name (`NAME_qs8x6a0.75.png`) ask for that; a name without a suffix is a folder of views. `options` are
-        those of `ciir.renderer.writers.options.WriterOptions`.
+        those of `ciir.renderer.writers.options.WriterOptions`. `progress(done, total)` counts views, then the file.
 
         Returns notes on what the format doesn't hold, or holds in another way. Raises `InvalidOption` if `path` can't
         be written or the format can't hold the light field.
@@ -161,7 +171,8 @@ class LightField:
         from ciir.renderer.writers.options import WriterOptions
         from ciir.renderer.writers.views import save_light_field
 
-        return save_light_field(self, read_path(path), format, WriterOptions.convert(options))
+        given = WriterOptions.convert(options)
+        return save_light_field(self, read_path(path), format, given, progress or ignore_progress)
 
     def _repr_png_(self) -> bytes:
         """Returns the centre view as PNG, for Jupyter; levels of a camera with fewer than 16 bits fill the range."""
@@ -237,6 +248,7 @@ class LightField:
         shape: Shape = "disc",
         occluders: Occluders = "keep",
         rounded: bool = True,
+        progress: Progress | None = None,
     ) -> Iterator[NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]]:
         """Yields the depth plane of each of `disparities`, `(H, W, C)`, one after the other.
 
@@ -245,7 +257,7 @@ class LightField:
         count, by default all, or a weight for each view, `(V, U)`. `shape`: `disc`, `square` or `gauss`, of
         `ciir.renderer.focus.apertures`. `occluders`: with `remove`, what stands in front of a plane is removed
         (`ciir.renderer.focus.occluders`), with the method `mapping`. `rounded`: False gives float32 in the units of the
-        views, not rounded to them.
+        views, not rounded to them. `progress(done, total)` counts planes, as they are made.
 
         Raises `InvalidOption` for disparities that are not finite or over the longer side of a view; for an unknown
         method, shape or value of `occluders`; for `occluders` that don't go with the method; and for an aperture
@@ -259,6 +271,7 @@ class LightField:
         weights = read_aperture(aperture, self.views.shape[:2], shape)
         planes = make_planes(self.views, numbers, weights, method, occluders)
         check_overlap(numbers, max(self.views.shape[2:4]))
+        planes = report_made(planes, len(numbers), progress or ignore_progress)
         return (round_levels(plane, self.views.dtype) for plane in planes) if rounded else planes
 
     def all_in_focus(
@@ -267,49 +280,63 @@ class LightField:
         *,
         aperture: float | NDArray[Any] | None = None,
         shape: Shape = "disc",
+        progress: Progress | None = None,
     ) -> NDArray[np.uint8] | NDArray[np.uint16]:
         """Returns a view with everything sharp and less noise, `(H, W, C)`: made from the views at each pixel's
         disparity.
 
         `found`: the disparity of the view, by default that of the centre view, which is estimated. `aperture` and
-        `shape` as for `planes`. Raises `InvalidOption` as `disparity` and `planes` do, and for a disparity map of other
-        views.
+        `shape` as for `planes`. `progress` is called with (0, 1) and (1, 1). Raises `InvalidOption` as `disparity` and
+        `planes` do, and for a disparity map of other views.
         """
         from ciir.renderer.focus.all_in_focus import focus_everywhere
         from ciir.renderer.focus.apertures import read_aperture
         from ciir.renderer.focus.disparity import DisparityMap
 
         weights = read_aperture(aperture, self.views.shape[:2], shape)
-        found = self.disparity() if found is None else found
-        if not isinstance(found, DisparityMap):
-            raise InvalidOption(f"found: {type(found).__name__} is not accepted; give what disparity() returns")
-        if found.depth_sense != self.depth_sense:
-            raise InvalidOption(
-                f"found: a map of views with the depth sense {found.depth_sense}, not {self.depth_sense}; give the "
-                "disparity of this light field"
-            )
-        self.view(*found.view)
-        return round_levels(focus_everywhere(self.views, found, weights), self.views.dtype)
+        with report_one(progress or ignore_progress):
+            found = self.disparity() if found is None else found
+            if not isinstance(found, DisparityMap):
+                raise InvalidOption(f"found: {type(found).__name__} is not accepted; give what disparity() returns")
+            if found.depth_sense != self.depth_sense:
+                raise InvalidOption(
+                    f"found: a map of views with the depth sense {found.depth_sense}, not {self.depth_sense}; give the "
+                    "disparity of this light field"
+                )
+            self.view(*found.view)
+            return round_levels(focus_everywhere(self.views, found, weights), self.views.dtype)
 
-    def disparity(self, view: View | None = None, *, limits: tuple[float, float] | None = None) -> DisparityMap:
+    def disparity(
+        self,
+        view: View | None = None,
+        *,
+        limits: tuple[float, float] | None = None,
+        progress: Progress | None = None,
+    ) -> DisparityMap:
         """Estimates the disparity of each pixel of `view`, by default the centre one, with its confidence.
 
         `limits`: the smallest and the largest disparity in pixels per view, by default those in the centre and the
-        corners.
+        corners. `progress` is called with (0, 1) and (1, 1).
 
         Raises `InvalidOption` as `ciir.renderer.focus.disparity.estimate_disparity` does.
         """
         from ciir.renderer.focus.disparity import estimate_disparity
 
-        return estimate_disparity(self, view, limits=limits)
+        with report_one(progress or ignore_progress):
+            return estimate_disparity(self, view, limits=limits)
 
     def disparities(
-        self, views: Sequence[View] | None = None, *, limits: tuple[float, float] | None = None
+        self,
+        views: Sequence[View] | None = None,
+        *,
+        limits: tuple[float, float] | None = None,
+        progress: Progress | None = None,
     ) -> Iterator[DisparityMap]:
-        """Yields `disparity` of each of `views`, by default of all."""
+        """Yields `disparity` of each of `views`, by default of all. `progress(done, total)` counts them."""
         from ciir.renderer.focus.disparity import estimate_disparities
 
-        return estimate_disparities(self, views, limits=limits)
+        total = self.views.shape[0] * self.views.shape[1] if views is None else len(views)
+        return report_made(estimate_disparities(self, views, limits=limits), total, progress or ignore_progress)
 
     def model(
         self,
@@ -318,6 +345,7 @@ class LightField:
         delta: float | None = None,
         cameras: DepthScale | None = None,
         keeps_background: bool = False,
+        progress: Progress | None = None,
     ) -> Model:
         """Returns the content of the views as coloured triangles, in lens array coordinates; `save` writes GLB and
         PLY.
@@ -325,13 +353,21 @@ class LightField:
         `pitch`, `delta`: those of the lens array, if known. `cameras`: for a camera array, `DepthScale.from_cameras`,
         with which depths and widths are true; without it z is in proportion to disparity, with a note. Black or
         transparent pixels that are joined to the border of a view are left out, unless `keeps_background`.
-        `ciir.renderer.focus.model` describes the method and the units.
+        `ciir.renderer.focus.model` describes the method and the units. `progress(done, total)` counts the views whose
+        disparity is estimated.
 
         Raises `InvalidOption` as `ciir.renderer.focus.model.make_model` does.
         """
         from ciir.renderer.focus.model import make_model
 
-        return make_model(self, pitch=pitch, delta=delta, cameras=cameras, keeps_background=keeps_background)
+        return make_model(
+            self,
+            pitch=pitch,
+            delta=delta,
+            cameras=cameras,
+            keeps_background=keeps_background,
+            progress=progress or ignore_progress,
+        )
 
     def with_depth_sense(self, sense: DepthSense) -> LightField:
         """Returns the same light field with that depth sense, with views reversed in v and in u if it has the other

@@ -1,12 +1,15 @@
-"""Works on the parts of a picture in several threads and reports progress."""
+"""Reports progress, also of the parts of a picture that several threads work on."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import TypeVar
 
 from ciir.cores import count_available_cores
 
+Item = TypeVar("Item")
 Progress = Callable[[int, int], object]
 """Called with the number of rows or views that are finished and the total number."""
 
@@ -16,6 +19,28 @@ MOST_THREADS = 4
 
 def ignore_progress(done: int, total: int) -> None:
     """Reports nothing."""
+
+
+@contextmanager
+def report_one(progress: Progress) -> Iterator[None]:
+    """Reports a block that can't be divided: none of one, then one of one."""
+    progress(0, 1)
+    yield
+    progress(1, 1)
+
+
+def report_made(items: Iterator[Item], total: int, progress: Progress) -> Iterator[Item]:
+    """Yields `items`, of which there are `total`, and reports each as soon as it is made."""
+    for done, item in enumerate(items, 1):
+        progress(done, total)
+        yield item
+
+
+def report_finished(items: Collection[Item], progress: Progress) -> Iterator[Item]:
+    """Yields `items`, and reports each when a loop over them has finished with it."""
+    for done, item in enumerate(items, 1):
+        yield item
+        progress(done, len(items))
 
 
 def run_parts(make: Callable[[int], object], count: int, progress: Progress = ignore_progress) -> None:

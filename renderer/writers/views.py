@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ciir.errors import InvalidOption
+from ciir.renderer.backends.progress import ignore_progress
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.folder import FolderWriter
 from ciir.renderer.writers.formats import (
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
+    from ciir.renderer.backends.progress import Progress
     from ciir.renderer.light_field import LightField
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import DepthSense, View
@@ -34,9 +36,12 @@ if TYPE_CHECKING:
     from ciir.renderer.writers.writer import Writer
 
 
-def save_light_field(light_field: LightField, path: Path, name: str | None, options: WriterOptions) -> tuple[str, ...]:
+def save_light_field(
+    light_field: LightField, path: Path, name: str | None, options: WriterOptions, progress: Progress = ignore_progress
+) -> tuple[str, ...]:
     """Writes a light field in the format `name`. If it is None, the format is the one that `options` or `path` ask for:
     a picture is an elemental image array, and a name without a suffix a folder of views.
+    `progress` counts views, then the completed output.
 
     Returns notes on what the format doesn't hold, or holds in another way. Raises as `save_views` does.
     """
@@ -53,7 +58,7 @@ def save_light_field(light_field: LightField, path: Path, name: str | None, opti
         found = find_whole_format(name, path)
         formats = None if found is None else {path.suffix.lower(): found}
     with _open(path, formats, options) as writer:
-        notes = _write({view: views[view] for view in positions}, {"lens_array": array}, writer, contents)
+        notes = _write({view: views[view] for view in positions}, {"lens_array": array}, writer, contents, progress)
     for suffix, data in writer.beside.items():
         with _named_errors(path), replacing(path.with_name(path.name + suffix)) as file:
             file.write(data)
@@ -113,7 +118,11 @@ def _named_errors(path: Path) -> Iterator[None]:
 
 
 def _write(
-    views: Mapping[View, Pixels], report: Mapping[str, Any], writer: Writer, contents: Contents
+    views: Mapping[View, Pixels],
+    report: Mapping[str, Any],
+    writer: Writer,
+    contents: Contents,
+    progress: Progress = ignore_progress,
 ) -> tuple[str, ...]:
     """Writes the views; returns the writer's notes."""
     writer.begin(contents)
@@ -122,7 +131,9 @@ def _write(
         height, width = picture.shape[:2]
         named = report["views"][u] if contents.times else {"v": v, "u": u}
         written.append({**named, "file": writer.write((v, u), picture), "height": height, "width": width})
+        progress(len(written), len(views) + 1)
     given = report.get("notes", [])
     completed = {**report, "notes": [*given], "views": written}
     writer.finish(completed)
+    progress(len(views) + 1, len(views) + 1)
     return tuple(completed["notes"][len(given) :])

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.views import Pickup
+from tests.support.light_fields import make_views
 
 SIDES = st.integers(1, 6)
 SETTINGS = settings(max_examples=80)
@@ -317,3 +318,24 @@ def test_an_output_has_a_name(path, tmp_path, monkeypatch):
 def test_an_unknown_aperture_shape_is_refused_without_an_aperture():
     with pytest.raises(InvalidOption, match="shape: 'x' is not known; give disc, square, gauss"):
         LightField(np.zeros((2, 2, 3, 4, 3), np.uint8)).refocus(0, shape="x")
+
+
+@pytest.mark.parametrize(
+    ("work", "total"),
+    [
+        (lambda field, path, progress: field.save(path / "a.npy", progress=progress), 10),
+        (lambda field, path, progress: field.save(path / "a", progress=progress), 10),
+        (lambda field, path, progress: list(field.planes([-1, 0, 1], progress=progress)), 3),
+        (lambda field, path, progress: field.disparity(progress=progress), 1),
+        (lambda field, path, progress: list(field.disparities([(0, 0), (1, 2)], progress=progress)), 2),
+        (lambda field, path, progress: list(field.disparities(limits=(-1, 1), progress=progress)), 9),
+        (lambda field, path, progress: field.all_in_focus(progress=progress), 1),
+        (lambda field, path, progress: field.model(keeps_background=True, progress=progress), 5),
+    ],
+)
+def test_progress_counts_to_the_total(tmp_path, work, total):
+    """Those that can't be divided also report their start."""
+    field = LightField(make_views((3, 3), disparities=(0, 1), side=24, channels=3), depth_sense="cameras")
+    seen = []
+    work(field, tmp_path, lambda *given: seen.append(given))
+    assert seen == [(done, total) for done in range(0 if total == 1 else 1, total + 1)]

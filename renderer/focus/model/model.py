@@ -18,6 +18,7 @@ from scipy import ndimage
 
 from ciir.bit_depth import count_unused_bits, raise_levels
 from ciir.errors import InvalidOption
+from ciir.renderer.backends.progress import ignore_progress, report_finished
 from ciir.renderer.focus.disparity import check_views, estimate_disparity, note_reach
 from ciir.renderer.focus.model.cameras import check_cameras, place_before_cameras
 from ciir.renderer.focus.model.colors import fit_colors
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from ciir.renderer.backends.progress import Progress
     from ciir.renderer.focus.depth_scale import DepthScale
     from ciir.renderer.light_field import LightField
     from ciir.renderer.views import View
@@ -92,6 +94,7 @@ def make_model(
     delta: float | None = None,
     cameras: DepthScale | None = None,
     keeps_background: bool = False,
+    progress: Progress = ignore_progress,
 ) -> Model:
     """Makes a model of what `light_field` shows: about four triangles per pixel, and sixteen if views show background.
 
@@ -107,7 +110,8 @@ def make_model(
     Surfaces are cut where the disparity jumps so far from one pixel to the next that the farther half of the views on
     one side would not see what lies between. Without `keeps_background`, pixels that are black or transparent and
     joined to the picture's border by others are not surface, if they are over `LEAST_BACKGROUND` of all pixels. Colours
-    of 16-bit views that use fewer bits are as bright as if they used all.
+    of 16-bit views that use fewer bits are as bright as if they used all. `progress` counts the views whose disparity
+    is estimated: the centre and the corners.
 
     Raises `InvalidOption` for a single view, if there is nothing but background, for `cameras` that don't fit the
     disparities, and for `cameras` together with `pitch` or `delta`.
@@ -116,7 +120,7 @@ def make_model(
         check_cameras(cameras)
         if pitch is not None or delta is not None:
             raise InvalidOption("cameras: pitch and delta are those of a lens array; leave them out, or cameras")
-    model = _make_before_lenses(light_field, pitch, delta, keeps_background=keeps_background)
+    model = _make_before_lenses(light_field, pitch, delta, keeps_background=keeps_background, progress=progress)
     note = f"delta: unknown and assumed to be {model.array.delta:.4g}; it sets the model's length along z"
     is_known = cameras is not None or (delta and light_field.depth_sense == "lenses")
     if cameras is not None:
@@ -127,7 +131,12 @@ def make_model(
 
 
 def _make_before_lenses(
-    light_field: LightField, pitch: float | None, delta: float | None, *, keeps_background: bool
+    light_field: LightField,
+    pitch: float | None,
+    delta: float | None,
+    *,
+    keeps_background: bool,
+    progress: Progress,
 ) -> Model:
     """Makes the model in the coordinates of a lens array."""
     from trimesh.remesh import subdivide
@@ -152,7 +161,7 @@ def _make_before_lenses(
     model: Model | None = None
     notes: tuple[str, ...] = ()
     limits: tuple[float, float] | None = None
-    for view in dict.fromkeys([center, *corners]):
+    for view in report_finished(dict.fromkeys([center, *corners]), progress):
         is_used: NDArray[np.bool_] = is_shown[view]
         if model is not None:
             backend, _ = open_backend("raytrace", triangles=len(model.faces), rays=rows * cols, is_see_through=False)
