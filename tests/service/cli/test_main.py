@@ -72,6 +72,10 @@ def empty_folder(tmp_path, monkeypatch):
         (["reconstruct", "scene:teapot", "-o", "out"], ["teapot", "hamburger"]),
         (["reconstruct", "scene:vase", "-o", "out", "--len", "5x5"], ["--len"]),
         (["reconstruct", "scene:vase", "-o", __file__, "--model", "none"], ["as .py"]),
+        (
+            ["reconstruct", "scene:vase", "--views", "cross", "-o", "a.png"],
+            ["give a folder (a name without a suffix), zip or npz, or one view"],
+        ),
         (["elemental", "scene:vase", "-o", "eia.gif"], ["eia.gif", ".png"]),
         (["elemental", "scene:vase", "-o", "eia.obj"], [".jpeg, .webp\n"]),
         (["elemental", "scene:vase", "-o", "eia.mat/"], [".jpeg, .webp\n"]),
