@@ -27,10 +27,11 @@ MINIMUM_FALLBACK_SHARE = 0.15
 some. Below this share the fallback gains nothing (-0.002 dB on average over 245 views of the harm benchmark) and takes
 half of the time."""
 LARGEST_MISALIGNMENT = 0.29
-"""Mean distance, LR pixels, of a view's direct neighbours from where they should be, above which the fallback makes the
-whole view. In captured and rendered light fields it is up to 0.08, also with noise and in JPEGs, and up to 0.289 in the
-289 views that a gantry took with small errors. If each view is moved by up to 0.5 pixels along both axes it is 0.25 to
-0.7, and the light-field network is worse than the fallback from about 0.25 on."""
+"""Distance, LR pixels, of a view's direct neighbours from where they should be (`ranges.Tiles`), above which the
+fallback makes the whole view. In captured and rendered light fields it is up to 0.23, also with noise and in JPEGs,
+and up to 0.289 in the 289 views that a gantry took with small errors. If each view is moved by up to 0.5 pixels along
+both axes it is 0.25 to 0.7, and the light-field network is worse than the fallback from about 0.25 on. If each is
+turned by up to half a degree, it is 0.1 to 0.5."""
 SURROUNDED, MOST = 0.3, 0.45
 """The fallback's share in the mean that replaces a filtered view. The first is for views with two others on each side.
 The second is for all others, for which the light-field network is weaker. On five views of each of three captured light

@@ -3,11 +3,13 @@ from where they should be.
 
 Both are measured on the textured tiles of a view. Each is compared with the view's direct neighbours, starting from the
 best of three whole disparities and refined to a fraction of a pixel by least squares on its gradient (Lucas and Kanade,
-IJCAI 1981). What a neighbour is moved by besides, in most tiles, is its misalignment.
+IJCAI 1981). What a neighbour is moved by besides, in most tiles, is its misalignment; so is what quadrants are moved by
+in different directions.
 """
 
 from __future__ import annotations
 
+from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -39,8 +41,11 @@ square of that)."""
 LEAST_TILES = 8
 """Fewest tiles with a precise disparity from which a range is measured."""
 LEAST_TEXTURED = 24
-"""Fewest tiles textured along both axes from which a misalignment is measured: fewer mislead in renderings of shiny
-meshes."""
+"""Fewest tiles textured along both axes, in a view or a quadrant, from which a misalignment is measured. Fewer mislead
+in renderings of shiny meshes."""
+FROM_QUADRANT = (4 / 3) ** 0.5
+"""If a view was turned or scaled about its middle, this is the root mean square over the view of the distance by which
+that moves its pixels, divided by the distance in the middle of a quadrant."""
 WHOLE = (-1, 0, 1)
 """The disparities, relative to a tile's shift, that are refined."""
 REFINED = 0.75
@@ -63,7 +68,8 @@ class Tiles(NamedTuple):
     disparities: Floats
     """The disparities minus the view's shifts of those tiles that have a precise one."""
     misalignment: float
-    """The mean distance, pixels, of the direct neighbours from where they should be; 0 if too few tiles show it."""
+    """The mean distance, pixels, of the direct neighbours from where they should be, as a whole or, if that is larger,
+    because quadrants are moved differently; 0 if too few tiles show it."""
 
 
 class _Fit(NamedTuple):
@@ -145,14 +151,15 @@ def estimate_tiles(
         shown = part.start + np.flatnonzero(is_textured[part])
         misalignment = 0.0
         if len(shown) >= LEAST_TEXTURED and fit.by_neighbour:
-            misalignment = _measure_misalignment(fit, shown, best[0][shown], refined[best][shown])
+            rests = _find_rests(fit, shown, best[0][shown], refined[best][shown])
+            misalignment = _measure_misalignment(rests, tiles[:, shown - part.start])
         yield Tiles(disparities[part][is_precise[part]], misalignment)
 
 
-def _measure_misalignment(fit: _Fit, tiles: NDArray[np.intp], whole: NDArray[np.intp], refined: Floats) -> float:
-    """Returns the mean distance of a view's neighbours from where its disparity moves them. The distance of each is the
-    median of `tiles` `(m,)` down, and that across. `whole`: which of `WHOLE` their disparities have. `refined`: the
-    rest of their disparities.
+def _find_rests(fit: _Fit, tiles: NDArray[np.intp], whole: NDArray[np.intp], refined: Floats) -> Floats:
+    """Returns how far each neighbour of a view is, in each of `tiles` `(m,)`, from where the view's disparity moves it,
+    down and across: `(neighbours, 2, m)`. `whole`: which of `WHOLE` their disparities have. `refined`: the rest of
+    their disparities.
     """
     by_axis, rests = fit.by_axis[:, tiles], []
     for offset, sums in fit.by_neighbour.items():
@@ -162,9 +169,29 @@ def _measure_misalignment(fit: _Fit, tiles: NDArray[np.intp], whole: NDArray[np.
         rest /= by_axis[:2]
         rest[axis] -= known
         rests.append(rest)
-    middle = len(tiles) // 2
-    medians = np.partition(rests, middle, axis=2)[..., middle]  # several times as fast as np.median
-    return float(np.hypot(*medians.T).mean())
+    return np.array(rests)
+
+
+def _measure_misalignment(rests: Floats, places: NDArray[np.int64]) -> float:
+    """Returns the misalignment of a view, whose tiles at `places` `(2, m)`, rows and columns, have these `rests`
+    `(neighbours, 2, m)`. The distance of each neighbour is the median of tiles down, and that across.
+
+    If cameras were turned about their axes, or differ in focal length or distortion, opposite quadrants of a view are
+    moved in opposite directions, and the median of all tiles is about 0. So it is also measured how far the medians of
+    each quadrant are from those of all tiles.
+    """
+    low = places <= np.median(places, axis=1, keepdims=True)
+    quadrants = [down & across for down, across in product((low[0], ~low[0]), (low[1], ~low[1]))]
+    whole = _find_medians(rests)
+    parts = [_find_medians(rests[..., some]) for some in quadrants if some.sum() >= LEAST_TEXTURED]
+    turned = [FROM_QUADRANT * np.hypot(*(part - whole).T).mean() for part in parts]
+    return float(max([np.hypot(*whole.T).mean(), *turned]))
+
+
+def _find_medians(rests: Floats) -> Floats:
+    """Returns the medians of `(neighbours, 2, m)` over the last axis, the upper ones if `m` is even."""
+    middle = rests.shape[2] // 2
+    return np.partition(rests, middle, axis=2)[..., middle]  # several times as fast as np.median
 
 
 def _compare_tiles(

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.ndimage import rotate
 
 from ciir.models.light_field.disparities.ranges import MOST_TILES, UNKNOWN, measure_ranges
 from ciir.models.light_field.disparities.shifts import make_no_shifts
@@ -144,6 +145,25 @@ def test_the_distance_of_a_moved_view_is_found(disparity, noise):
     assert measure_misalignment(views, (1, 1), (3, 3)) == pytest.approx(0.5, abs=0.1)
     assert 0.08 < measure_misalignment(views, (0, 1), (3, 3)) < 0.25
     assert measure_misalignment(views, (0, 0), (3, 3)) < 0.05
+
+
+@pytest.mark.parametrize("degrees", [0.5, -0.8])
+def test_the_distance_of_a_turned_view_is_found(degrees):
+    """Its halves are moved in opposite directions, so that the median of all tiles is about 0."""
+    side = 128
+    views = make_views((3, 3), (1, 1), [0.3], shape=(side, side))
+    views[1, 1] = rotate(views[1, 1], degrees, reshape=False, mode="mirror")
+    root_mean_square = np.deg2rad(abs(degrees)) * side / 6**0.5
+    assert measure_misalignment(views, (1, 1), (3, 3)) == pytest.approx(root_mean_square, rel=0.15)
+    assert measure_misalignment(views, (0, 0), (3, 3)) < 0.05
+
+
+def test_quadrants_with_few_textured_tiles_do_not_count():
+    views = make_views((3, 3), (1, 1), [0.3], shape=(SIDE, SIDE))
+    views[1, 1] = rotate(views[1, 1], 1, reshape=False, mode="mirror")
+    for view in views.values():
+        view[:24] = view[-24:] = 128
+    assert measure_misalignment(views, (1, 1), (3, 3)) < 0.15
 
 
 def test_neighbours_at_random_places_are_misaligned_and_unrelated_and_flat_ones_are_not():
