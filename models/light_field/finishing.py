@@ -44,7 +44,8 @@ class Finishing(NamedTuple):
     fallback: float = 0.0
     """The share of pixels that come mostly from the single-picture fallback, because confidence is low."""
     interpolated: float = 0.0
-    """The share of bicubic interpolation in a view that was upscaled by itself (`models.single.finishing`)."""
+    """The share of bicubic interpolation in a view that was upscaled by itself, or to which the fallback's picture was
+    added (`models.single.finishing`)."""
     is_fused: bool = False
     """Whether the view is a mean with the upscaled views around it (`models.light_field.fusion`)."""
     is_matched: bool = False
@@ -77,7 +78,7 @@ def finish_view(
     small: Pixels,
     uncertainty: Plane,
     sampling: Sampling | None,
-    upscale_alone: Callable[[], NDArray[np.uint16]],
+    upscale_alone: Callable[[], tuple[NDArray[np.uint16], float]],
     *,
     is_surrounded: bool,
     disparities: Range,
@@ -91,13 +92,14 @@ def finish_view(
     Between `CONFIDENT` and `UNCERTAIN` of `uncertainty` `(H, W)` it is blended with the fallback's picture, if that
     would make up more than `MINIMUM_FALLBACK_SHARE` of the view. If the view was downscaled with an antialiasing
     filter, it becomes a mean with the fallback's picture; if it has no noise, it is brought closer to its input
-    (`models.back_projection.restore_luma`). `upscale_alone` makes the fallback's picture. `is_surrounded`: whether
-    there are two views on each side. `disparities`: the range that was measured in the view, for the result.
+    (`models.back_projection.restore_luma`). `upscale_alone` returns the fallback's picture and the share of
+    interpolation in it. `is_surrounded`: whether there are two views on each side. `disparities`: the range that was
+    measured in the view, for the result.
     """
     finishing = Finishing(1.0, disparities=disparities, misalignment=misalignment)
     if finishing.is_misaligned:
-        picture[...] = upscale_alone()
-        return finishing
+        picture[...], interpolated = upscale_alone()
+        return finishing._replace(interpolated=interpolated)
     weight = np.clip((uncertainty - CONFIDENT) / (UNCERTAIN - CONFIDENT), 0, 1)
     if np.mean(weight) <= MINIMUM_FALLBACK_SHARE:
         weight[:] = 0
@@ -107,7 +109,9 @@ def finish_view(
         most = SURROUNDED if is_surrounded else MOST
         np.maximum(weight, np.float32(most * sampling.likeness), out=weight)
     if weight.any():
-        blend_pictures(picture, upscale_alone(), weight)
+        alone, interpolated = upscale_alone()
+        blend_pictures(picture, alone, weight)
+        finishing = finishing._replace(interpolated=interpolated * float(weight.mean()))
     if sampling and finishing.is_restored:
         picture[...] = restore_luma(picture, small, sampling.kind, gain=sampling.gain, noise=sampling.noise)
     return finishing

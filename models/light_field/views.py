@@ -14,6 +14,7 @@ from ciir.models.light_field.runner import Job, run_network
 from ciir.models.light_field.skipping import find_repeats
 from ciir.models.light_field.windows import WINDOW_SIDE, find_middle, list_required_views, list_window
 from ciir.models.sampling import Sampling, find_sampling
+from ciir.models.single.finishing import average_misfit
 from ciir.models.single.pixels import upscale_pixels
 from ciir.models.single.skipping import SkipStatistics
 
@@ -47,7 +48,8 @@ def upscale_views(
     `list_required_views`. `fallback`: a single-picture model of the same scale. `skip`: whether to skip uniform and
     repeated parts (`models.light_field.skipping`), which doesn't change the result. `statistics`: the counts that the
     pixels are added to. `finds_sampling`: whether to find how views were sampled, and whether they are misaligned, and
-    finish them accordingly.
+    finish them accordingly; and to average what the fallback makes badly with interpolation, as captured views that are
+    upscaled by themselves.
     `disparities`: the range of all content, pixels from one view to the next, at most `ranges.FARTHEST` in either
     direction; None to measure it.
 
@@ -119,7 +121,7 @@ def _upscale_distinct(
     made = []
     for number, view in enumerate(wanted):
         picture, small, uncertainty = output.pictures[number], job.views[view], output.uncertainty[number, ..., 0]
-        alone = partial(_upscale_single, fallback, small, job.skip)
+        alone = partial(_upscale_single, fallback, small, job.skip, averages_misfits=finds_sampling)
         surrounded = find_middle(view, job.grid) == view and min(job.grid) >= WINDOW_SIDE
         finishing = finish_view(
             picture,
@@ -151,9 +153,13 @@ def _find_samplings(job: Job, wanted: Sequence[View], pictures: Pixels) -> list[
     return [each.sampling for each in found]
 
 
-def _upscale_single(upscaler: Upscaler, view: Pixels, skip: bool) -> NDArray[np.uint16]:
+def _upscale_single(
+    upscaler: Upscaler, view: Pixels, skip: bool, *, averages_misfits: bool
+) -> tuple[NDArray[np.uint16], float]:
+    """Upscales a view by itself, and returns the share of interpolation in it too (`models.single.finishing`)."""
     large: NDArray[np.uint16] = upscale_pixels(upscaler, view[np.newaxis], skip=skip, keeps_fractions=True)[0]
-    return large
+    small = view if view.dtype == np.uint16 else view * np.uint16(257)
+    return large, average_misfit(large, small) if averages_misfits else 0.0
 
 
 def _check_views(views: Mapping[View, Pixels], view: View, required: Sequence[View]) -> None:

@@ -92,14 +92,15 @@ def skip_reasons(skipped: Mapping[str, Any] | None) -> list[str]:
     """Describes in one sentence what `plan.skipped` counts; empty if nothing was skipped."""
     shares = {name: share for name, share in (skipped or {}).items() if name not in ("pixels", "saved_ms") and share}
     culled = shares.pop("culled", 0.0)
-    parts = [f"{_percent(culled)} of the triangles, which no ray meets"] if culled else []
+    parts = [f"{format_percent(culled)} of the triangles, which no ray meets"] if culled else []
     if shares:
-        each = ", ".join(f"{name} {_percent(share)}" for name, share in shares.items())
-        parts.append(f"the model for {_percent(sum(shares.values()))} of its pixels ({each})")
+        each = ", ".join(f"{name} {format_percent(share)}" for name, share in shares.items())
+        parts.append(f"the model for {format_percent(sum(shares.values()))} of its pixels ({each})")
     return [f"skipped: {' and '.join(parts)}"] if parts else []
 
 
-def _percent(share: float) -> str:
+def format_percent(share: float) -> str:
+    """Formats a share as a whole number of per cent, without rounding to none or all of it."""
     if share < 0.005:
         return "under 1 %"
     return f"{100 * share:.0f} %" if share < 0.995 or share == 1 else "over 99 %"

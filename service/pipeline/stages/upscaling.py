@@ -13,6 +13,7 @@ from ciir.cores import count_available_cores
 from ciir.models import catalogue
 from ciir.models.back_projection import restore_means
 from ciir.models.light_field.finishing import MINIMUM_FALLBACK_SHARE, Finishing
+from ciir.service.pipeline.report import format_percent
 from ciir.service.pipeline.stages import moved_array
 
 if TYPE_CHECKING:
@@ -176,24 +177,25 @@ def finishing_reasons(plan: Plan, finished: Sequence[Finishing]) -> list[str]:
     if matched := sum(view.is_matched for view in finished):
         reasons.append(f"fusion: {matched} of {len(finished)} views are brought closer to what the views around them saw")
     if shares := [view.interpolated for view in finished if view.interpolated]:
-        reasons.append(describe_average("view", shares, len(finished)))
+        maker = catalogue.picture_default_name() if plan.is_light_field else "the network"
+        reasons.append(describe_average("view", shares, len(finished), maker))
     return reasons
 
 
-def describe_average(what: str, shares: Sequence[float], count: int) -> str:
+def describe_average(what: str, shares: Sequence[float], count: int, maker: str = "the network") -> str:
     """Says that some of `count` pictures or views are means with bicubic interpolation, which has these `shares` of
-    them (`models.single.finishing`).
+    them (`models.single.finishing`), because what `maker` made doesn't fit them.
     """
-    share = f"{100 * max(shares):.0f} %"
+    share = format_percent(max(shares))
     why = "as with noise, the errors of a JPEG or jagged edges"
     if count == 1:
         return (
-            f"the {what} is a mean with bicubic interpolation ({share}), because what the network made doesn't fit it, "
+            f"the {what} is a mean with bicubic interpolation ({share}), because what {maker} made doesn't fit it, "
             + why
         )
     return (
-        f"{len(shares)} of {count} {what}s are means with bicubic interpolation (up to {share}), because what the "
-        f"network made doesn't fit them, {why}"
+        f"{len(shares)} of {count} {what}s are means with bicubic interpolation (up to {share}), because what {maker} "
+        f"made doesn't fit them, {why}"
     )
 
 

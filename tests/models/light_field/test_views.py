@@ -10,6 +10,9 @@ from ciir.models.light_field.finishing import CONFIDENT, LARGEST_MISALIGNMENT, U
 from ciir.models.light_field.planes import Range
 from ciir.models.light_field.views import upscale_views
 from ciir.models.light_field.windows import WINDOW_SIDE, list_required_views, select_axis
+from ciir.models.single.finishing import MOST
+from ciir.models.single.interpolation import Bicubic
+from ciir.models.single.pixels import upscale_pixels
 
 
 class Repeating:
@@ -141,12 +144,30 @@ def test_the_fallback_makes_all_of_a_misaligned_view(monkeypatch):
     monkeypatch.setattr("ciir.models.light_field.runner.measure_ranges", lambda *_: ([Range(-1.0, 1.0)] * 2, given))
     (kept, replaced), finished = upscale_views(Repeating(), fallback, views, wanted, (3, 3), finds_sampling=True)
     np.testing.assert_array_equal(kept, views[0, 0].repeat(2, axis=0).repeat(2, axis=1))
-    assert (replaced == 255).all()
+    bicubic = upscale_pixels(Bicubic(2), views[1, 1][np.newaxis])[0].astype(float)
+    assert np.abs(replaced - (1 - MOST) * 255 - MOST * bicubic).max() <= 1.01  # white doesn't fit the view
     assert [(one.is_misaligned, one.fallback, one.misalignment) for one in finished] == [
         (False, 0.0, given[0]),
         (True, 1.0, given[1]),
     ]
     assert finished[1].sampling is None
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize(("uncertainty", "share"), [(0.5 * (CONFIDENT + UNCERTAIN), 0.5), (UNCERTAIN, 1.0)])
+def test_a_fallback_that_does_not_fit_is_averaged_with_interpolation(dtype, uncertainty, share):
+    """As one that makes white of everything, but not where views of a mesh are upscaled."""
+    views = make_light_field((3, 3), (16, 12, 3), dtype)
+    white = np.iinfo(dtype).max
+    (got,), (finishing,) = upscale_views(Repeating(uncertainty), fallback, views, [(1, 1)], (3, 3), finds_sampling=True)
+    bicubic = upscale_pixels(Bicubic(2), views[1, 1][np.newaxis])[0].astype(float)
+    own = views[1, 1].repeat(2, axis=0).repeat(2, axis=1)
+    wanted = (1 - share) * own + share * ((1 - MOST) * white + MOST * bicubic)
+    assert np.abs(got - wanted).max() <= 1.01
+    assert finishing.interpolated == pytest.approx(share * MOST)
+    (got,), (finishing,) = upscale_views(Repeating(uncertainty), fallback, views, [(1, 1)], (3, 3))
+    assert np.abs(got - (1 - share) * own - share * white).max() <= 1.01
+    assert finishing.interpolated == 0
 
 
 class Making:

@@ -192,6 +192,9 @@ def test_the_fallback_share_is_noted(stand_in):
         "100 % of the pixels were made by quality from their view alone: the neighbouring views don't match there "
         "(another scene, "
     )
+    (reason,) = (why for why in report["plan"]["reasons"] if "bicubic" in why)
+    assert reason.startswith("the view is a mean with bicubic interpolation (")
+    assert "because what quality made doesn't fit it" in reason
 
 
 def test_misaligned_views_are_noted_and_do_not_count_for_the_share():
