@@ -9,9 +9,7 @@
 from __future__ import annotations
 
 from ciir.models.catalogue import (
-    DEFAULT,
     Entry,
-    default_name,
     list_entries,
     list_names,
     load_upscaler,
@@ -21,10 +19,8 @@ from ciir.models.single.pixels import upscale_pixels
 from ciir.models.upscaler import Upscaler
 
 __all__ = [
-    "DEFAULT",
     "Entry",
     "Upscaler",
-    "default_name",
     "list_entries",
     "list_names",
     "load_upscaler",

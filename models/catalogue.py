@@ -25,16 +25,13 @@ if TYPE_CHECKING:
 
 SHIPPED = Path(__file__).parent / "shipped"
 """The folder of the shipped networks, with an `.onnx` file and a `.json` card for each."""
-DEFAULT = "fast"
-"""The default single-picture network for rendered views, as float; see `default_name`."""
 LIGHT_FIELD_DEFAULT = "field"
 """The default network for views of a light field, as float; see `light_field_default_name`."""
 FILES = (".json", ".onnx")
 """The suffixes of a network's files."""
 FALLBACK = "quality"
-"""The default single-picture network for pictures and captured views, as float; see `picture_default_name`. It also
-helps light-field networks: it replaces pixels of low confidence, and its picture is averaged with theirs
-(`models.light_field.finishing`)."""
+"""The default single-picture network, as float; see `picture_default_name`. It also helps light-field networks: it
+replaces pixels of low confidence, and its picture is averaged with theirs (`models.light_field.finishing`)."""
 BASELINES: dict[str, Callable[[int], Upscaler]] = {"bicubic": Bicubic, "nearest": Nearest}
 """Interpolation by name: constructors that take a scale."""
 
@@ -110,15 +107,8 @@ def list_single_image_names() -> list[str]:
     return [entry.name for entry in list_entries() if not entry.is_light_field]
 
 
-def default_name() -> str:
-    """Returns the default single-picture model for rendered views: `DEFAULT` or its int8 twin, see `prefer_int8`."""
-    return prefer_int8(DEFAULT)
-
-
 def picture_default_name() -> str:
-    """Returns the default model for pictures and captured views, which may be noisy or JPEGs: `FALLBACK` or its int8
-    twin.
-    """
+    """Returns the default single-picture model: `FALLBACK` or its int8 twin, see `prefer_int8`."""
     return prefer_int8(FALLBACK)
 
 

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 PAPER = "paper"
 """The paper's generator, with which times are compared."""
+QUICK = "fast"
+"""The quickest network, as float."""
 DIRECT = "direct rendering"
 
 
@@ -74,9 +76,9 @@ def list_methods() -> tuple[list[Method], dict[str, str]]:
             kind = "light-field network" if entry.is_light_field else kind
             cost = card.macs_per_output_pixel if card is not None else None
             found.append(Method(entry.name, {"model": entry.name}, cost, kind))
-    default = next(method for method in found if method.name == catalogue.default_name())
-    options = {**default.options, "skip": "none"}
-    found.append(replace(default, name=f"{default.name}-whole", options=options, kind="nothing skipped"))
+    quick = next(method for method in found if method.name == catalogue.prefer_int8(QUICK))
+    options = {**quick.options, "skip": "none"}
+    found.append(replace(quick, name=f"{quick.name}-whole", options=options, kind="nothing skipped"))
     found.sort(key=lambda method: (method.macs_per_output_pixel or 0.0, method.name != "nearest", method.name))
     for name, backend in (("direct-raster", "raster"), ("direct-rays", "raytrace")):
         found.append(Method(name, {"strategy": "direct", "backend": backend}, None, DIRECT))

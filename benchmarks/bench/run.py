@@ -16,7 +16,7 @@ from ciir.benchmarks.bench import figures, tables
 from ciir.benchmarks.bench.methods import list_methods
 from ciir.benchmarks.bench.results import average_rows, find_frontier, measure, replace_infinite
 from ciir.benchmarks.bench.work import SCALE, list_works
-from ciir.models.catalogue import default_name
+from ciir.models.catalogue import picture_default_name
 from ciir.renderer.scenes import SCENES
 from ciir.service.pipeline.options import Options
 
@@ -125,5 +125,5 @@ def bench(options: BenchOptions, out: Path) -> dict[str, Any]:
 
 def _format_frontier(where: str, names: Sequence[str]) -> str:
     """Names the methods that no other beats in both time and error, and says whether the default is one of them."""
-    note = "" if default_name() in names else f" (not the default, `{default_name()}`)"
+    note = "" if picture_default_name() in names else f" (not the default, `{picture_default_name()}`)"
     return f"- {where}: {', '.join(f'`{name}`' for name in names)}{note}"

@@ -7,7 +7,7 @@ import re
 from typing import TYPE_CHECKING, Literal
 
 from ciir.errors import InvalidOption, TooLarge
-from ciir.models.catalogue import DEFAULT
+from ciir.models.catalogue import FALLBACK
 from ciir.renderer.limits import Limits
 from ciir.renderer.readers.pictures import MAX_SIDE
 
@@ -127,7 +127,7 @@ def check_samples(
     `neighbours`: how many of them are rendered only because a light-field network needs them.
     """
     if limit is not None and count * points > limit:
-        others = ("fewer views", *([f"model {DEFAULT}"] if neighbours else []))
+        others = ("fewer views", *([f"model {FALLBACK}"] if neighbours else []))
         around = f", {neighbours} of them around those asked for," if neighbours else ""
         raise TooLarge(
             f"{count} views of {points:,} samples each{around} are {count * points:,}, over the limit of {limit:,}; "

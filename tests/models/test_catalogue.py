@@ -16,7 +16,7 @@ from ciir.models.catalogue import SHIPPED
 def test_names_and_entries():
     entries = models.list_entries()
     assert [entry.name for entry in entries] == models.list_names()
-    assert models.DEFAULT in models.list_names()
+    assert catalogue.FALLBACK in models.list_names()
     assert models.list_names()[-2:] == ["bicubic", "nearest"]
     assert all((entry.card is None) == (entry.kind == "interpolation") for entry in entries)
 
@@ -140,11 +140,11 @@ def test_an_upscaler_is_no_light_field_network():
 
 def test_an_int8_twin_is_the_default_where_the_processor_supports_it(monkeypatch):
     monkeypatch.setattr(catalogue.processor, "int8_unsupported_reason", lambda: "")
-    assert (catalogue.default_name(), catalogue.light_field_default_name()) == ("fast-int8", "field-int8")
+    assert (catalogue.picture_default_name(), catalogue.light_field_default_name()) == ("quality-int8", "field-int8")
     assert catalogue.prefer_int8("gan") == "gan"  # it has no twin
     assert catalogue.prefer_int8("bicubic") == "bicubic"
     monkeypatch.setattr(catalogue.processor, "int8_unsupported_reason", lambda: "no VNNI")
-    assert (catalogue.default_name(), catalogue.light_field_default_name()) == (
-        catalogue.DEFAULT,
+    assert (catalogue.picture_default_name(), catalogue.light_field_default_name()) == (
+        catalogue.FALLBACK,
         catalogue.LIGHT_FIELD_DEFAULT,
     )

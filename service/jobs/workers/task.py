@@ -192,7 +192,10 @@ def warm_up() -> None:
     from ciir.service.pipeline.stages.arrangement import Arrangement
 
     view = np.zeros((_WARM_SIDE, _WARM_SIDE, 3), np.uint8)
-    for model, is_light_field in ((catalogue.default_name(), False), (catalogue.light_field_default_name(), True)):
+    for model, is_light_field in (
+        (catalogue.picture_default_name(), False),
+        (catalogue.light_field_default_name(), True),
+    ):
         if model in catalogue.list_names():
             plan = Plan("upscale", model, 2, 1, (), is_light_field)
             run = upscaling.load_upscaler(plan, Arrangement(_WARM_GRID), skip=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from ciir.models.catalogue import DEFAULT, FALLBACK, LIGHT_FIELD_DEFAULT
+from ciir.models.catalogue import FALLBACK, LIGHT_FIELD_DEFAULT
 from ciir.models.light_field.fusion import Fusion
 from ciir.service.pipeline.options import values
 from ciir.service.pipeline.options.option import Option
@@ -18,8 +18,8 @@ Skip = Literal["exact", "none"]
 AUTO, NO_MODEL = "auto", "none"
 """Values of `model` besides the names in the catalogue: select a model automatically, and write the views unchanged."""
 AUTO_MODEL = (
-    f"{LIGHT_FIELD_DEFAULT} for a mesh (within the neighbour time, else {DEFAULT}) and for grids of 3x3 views and up; "
-    f"{FALLBACK} for other captured views and for pictures; their int8 twins if the processor supports them"
+    f"{LIGHT_FIELD_DEFAULT} for a mesh (within the neighbour time) and for grids of 3x3 views and up; {FALLBACK} for "
+    "other views and for pictures; their int8 twins if the processor supports them"
 )
 """The rule of `auto`. `service.pipeline.planning.model_selection` applies it."""
 MAX_SCALE = 8

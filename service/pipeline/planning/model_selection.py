@@ -55,7 +55,7 @@ def select_model(job: Job) -> Selection:
 
 def _select_light_field(job: Job, networks: dict[str, Entry]) -> Selection:
     """Selects the light-field network that was named, or a single-picture network if views can't help each other."""
-    default = _name_single(job)
+    default = catalogue.picture_default_name()
     if reason := _no_light_field(job):
         return _replace_model(job, default, reason)
     if job.mesh is None:
@@ -76,14 +76,9 @@ def _replace_model(job: Job, default: str, reason: str) -> Selection:
     return Selection(default, reasons=(replaced,), note=replaced)
 
 
-def _name_single(job: Job) -> str:
-    """Returns the default single-picture network: for captured views, which may be noisy or JPEGs, the larger one."""
-    return catalogue.default_name() if job.mesh is not None else catalogue.picture_default_name()
-
-
 def _select_automatically(job: Job, networks: dict[str, Entry]) -> Selection:
     """Selects the model for `auto` from the installed `networks`, by name."""
-    default, light_field = _name_single(job), catalogue.light_field_default_name()
+    default, light_field = catalogue.picture_default_name(), catalogue.light_field_default_name()
     reason, rendered = _reason_against(light_field, networks.get(light_field), job), ""
     moves_array = False
     if not reason and job.mesh is not None:

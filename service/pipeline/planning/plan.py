@@ -107,7 +107,7 @@ def make_plan(job: Job) -> Plan:
         tuple(reasons),
         selected.is_light_field,
         restores_means,
-        job.model == AUTO and is_network and not selected.is_light_field and job.mesh is None,
+        job.model == AUTO and is_network and not selected.is_light_field,
         selected.is_light_field and job.mesh is None and job.sampling != "lenslet",
         selected.moves_array,
         fusion,

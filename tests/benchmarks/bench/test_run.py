@@ -4,6 +4,7 @@ import json
 import numpy as np
 import pytest
 
+from ciir.benchmarks.bench.methods import QUICK
 from ciir.benchmarks.bench.run import BenchOptions, bench
 from ciir.models import catalogue
 from ciir.renderer.writers.pictures import encode_png
@@ -17,7 +18,7 @@ def test_every_method_has_a_row_in_each_result(tmp_path):
     rows = list(csv.DictReader((tmp_path / "results.csv").read_text(encoding="utf-8").splitlines()))
     assert len(rows) == len(found["rows"]) == 2 * len({row["method"] for row in rows})
     text = (tmp_path / "results.md").read_text(encoding="utf-8")
-    for name in ("nearest", "fast", f"{catalogue.default_name()}-whole", "paper", "direct-raster", "direct-rays"):
+    for name in ("nearest", "fast", f"{catalogue.prefer_int8(QUICK)}-whole", "paper", "direct-raster", "direct-rays"):
         assert sum(line.startswith(f"| `{name}`") for line in text.splitlines()) == 2  # two samplings
     assert all(row["ms_median"] for row in rows if not row["error"])
     assert {row["times_faster_than_paper"] for row in rows if row["method"] == "paper"} == {"1.0"}

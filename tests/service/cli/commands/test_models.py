@@ -33,9 +33,9 @@ def test_models_says_which_are_not_for_this_machine(capsys, monkeypatch):
     monkeypatch.setattr(models.catalogue.processor, "int8_unsupported_reason", lambda: "this processor has no VNNI")
     assert main(["models"]) == 0
     text = capsys.readouterr().out
-    assert f"{models.DEFAULT} does not run on this machine: this processor has no VNNI; use slow" in text
+    assert f"{models.catalogue.FALLBACK} does not run on this machine: this processor has no VNNI; use slow" in text
     assert "bicubic is not" not in text
     assert main(["models", "--json"]) == 0
     listed = {model["name"]: model for model in json.loads(capsys.readouterr().out)}
-    assert listed[models.DEFAULT]["unsupported_reason"] == "this processor has no VNNI"
+    assert listed[models.catalogue.FALLBACK]["unsupported_reason"] == "this processor has no VNNI"
     assert listed["bicubic"]["unsupported_reason"] is None

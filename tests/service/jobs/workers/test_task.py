@@ -107,7 +107,7 @@ def test_warm_up_runs_both_models_of_auto(stand_in, monkeypatch):
     call = type(stand_in).__call__
     monkeypatch.setattr(type(stand_in), "__call__", lambda *given, **more: ran.append("ran") or call(*given, **more))
     warm_up()
-    assert set(ran) == {"fast", "field", "quality", "ran"}
+    assert set(ran) == {"field", "quality", "ran"}
 
 
 @pytest.mark.usefixtures("stand_in")

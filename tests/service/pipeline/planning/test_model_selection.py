@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from ciir.models import catalogue, processor
-from ciir.models.catalogue import DEFAULT, FALLBACK, LIGHT_FIELD_DEFAULT
+from ciir.models.catalogue import FALLBACK, LIGHT_FIELD_DEFAULT
 from ciir.renderer.light_field import LightField
 from ciir.renderer.view_order.evidence import ORDERS
 from ciir.service.pipeline.job import resolve_job
@@ -26,10 +26,10 @@ def mesh(model="auto", *, grid=(4, 5), wanted=ALL, **options):
     return select_model(make_mesh_job(model=model, grid=grid, wanted=wanted, **options))
 
 
-def goes_one_by_one(choice, *words, model=DEFAULT):
+def goes_one_by_one(choice, *words):
     (reason,) = choice.reasons
-    assert (choice.model, choice.is_light_field) == (model, False)
-    assert all(word in reason for word in (model, *words)), reason
+    assert (choice.model, choice.is_light_field) == (FALLBACK, False)
+    assert all(word in reason for word in (FALLBACK, *words)), reason
     return True
 
 
@@ -43,17 +43,17 @@ def test_pictures_on_a_grid_help_one_another(stand_in, options):
 @pytest.mark.parametrize("grid", [(1, 1), (2, 9), (9, 2)])
 @pytest.mark.parametrize("model", ["auto", LIGHT_FIELD_DEFAULT])
 def test_few_views_go_one_by_one(stand_in, grid, model):
-    assert goes_one_by_one(pictures(model, grid=grid), f"{grid[0]}x{grid[1]} views", "3x3", model=FALLBACK)
+    assert goes_one_by_one(pictures(model, grid=grid), f"{grid[0]}x{grid[1]} views", "3x3")
     assert goes_one_by_one(mesh(model, grid=grid, wanted=[(0, 0)]), f"{grid[0]}x{grid[1]} views")
 
 
 @pytest.mark.parametrize("model", ["auto", LIGHT_FIELD_DEFAULT])
 def test_views_with_transparency_go_one_by_one(stand_in, model):
-    assert goes_one_by_one(pictures(model, is_transparent=True), "transparency", model=FALLBACK)
+    assert goes_one_by_one(pictures(model, is_transparent=True), "transparency")
 
 
 def test_auto_leaves_other_scales_to_the_default_and_its_error(stand_in):
-    assert goes_one_by_one(pictures(scale=3), "field upscales by 2 only", model=FALLBACK)
+    assert goes_one_by_one(pictures(scale=3), "field upscales by 2 only")
     assert pictures(LIGHT_FIELD_DEFAULT, scale=3).model == LIGHT_FIELD_DEFAULT  # whose loading says what it upscales by
 
 
@@ -91,14 +91,14 @@ def test_auto_renders_the_views_around_those_of_a_mesh(stand_in, extra, sampling
     assert (choice.model, choice.is_light_field, choice.note) == (LIGHT_FIELD_DEFAULT, True, "")
     assert choice.reasons[0].startswith(
         "model auto: field, as the 4x5 views help each other; 19 more are rendered around those asked for: "
-        "about 82 ms more than fast alone, and neighbour_time allows 1000 ms"
+        "about 82 ms more than quality alone, and neighbour_time allows 1000 ms"
     )
     assert "1 more are rendered" in mesh(wanted=ALL[1:], sampling=sampling).reasons[0]
 
 
 def test_auto_renders_none_where_that_takes_longer_than_the_neighbour_time(stand_in, extra):
     extra(1000.6)
-    words = "19 more views rendered", "about 1001 ms more than fast", "allows 1000"
+    words = "19 more views rendered", "about 1001 ms more than quality", "allows 1000"
     assert goes_one_by_one(mesh(wanted=[(0, 0)]), *words)
     assert mesh(wanted=[(0, 0)], neighbour_time=1.1).is_light_field
     extra(0.0)
@@ -176,7 +176,7 @@ def test_a_moved_lens_array_keeps_to_the_limits_on_samples(stand_in, extra, move
 
 
 def test_other_models_are_taken_at_their_word(stand_in):
-    for model in ("none", "bicubic", DEFAULT):
+    for model in ("none", "bicubic", "fast"):
         for choice in (pictures(model), mesh(model)):
             assert (choice.model, choice.is_light_field, choice.reasons) == (model, False, ())
 
@@ -184,7 +184,7 @@ def test_other_models_are_taken_at_their_word(stand_in):
 def test_an_installation_without_the_light_field_network(stand_in, monkeypatch):
     singles = [entry for entry in catalogue.list_entries() if not entry.is_light_field]
     monkeypatch.setattr(catalogue, "list_entries", lambda: singles)
-    assert goes_one_by_one(pictures(), "not installed", model=FALLBACK)
+    assert goes_one_by_one(pictures(), "not installed")
 
 
 @pytest.mark.parametrize(("against", "twin", "why"), [("", "-int8", "int8"), ("it is too old", "", "it is too old")])
@@ -193,11 +193,11 @@ def test_auto_takes_the_int8_twins_where_the_processor_is_made_for_them(monkeypa
     for choice, model in (
         (pictures(), LIGHT_FIELD_DEFAULT),
         (pictures(grid=(2, 2)), FALLBACK),
-        (mesh(wanted=[(0, 0)], neighbour_time=0.0), DEFAULT),
+        (mesh(wanted=[(0, 0)], neighbour_time=0.0), FALLBACK),
     ):
         assert choice.model == model + twin
         assert choice.reasons[0].startswith(f"model auto: {model}{twin}, ")
         assert choice.reasons[0].endswith(f"{why}{', which this processor supports' if twin else ''}")
     assert pictures(LIGHT_FIELD_DEFAULT, grid=(2, 2)).model == FALLBACK + twin
     assert pictures(LIGHT_FIELD_DEFAULT).model == LIGHT_FIELD_DEFAULT
-    assert pictures(DEFAULT).model == DEFAULT
+    assert pictures("fast").model == "fast"

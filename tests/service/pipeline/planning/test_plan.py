@@ -2,7 +2,7 @@ import pytest
 
 from ciir.errors import UnsupportedScale
 from ciir.models import processor
-from ciir.models.catalogue import default_name, light_field_default_name, picture_default_name
+from ciir.models.catalogue import light_field_default_name, picture_default_name
 from ciir.service.pipeline.planning.plan import make_plan
 from tests.support.pipeline import make_light_field_job, make_mesh_job
 
@@ -16,9 +16,9 @@ def pictures(**options):
 
 
 def test_upscaling_is_the_default():
-    for made, name in ((mesh(neighbour_time=0.0), default_name()), (pictures(), picture_default_name())):
-        assert (made.strategy, made.model, made.scale, made.samples) == ("upscale", name, 2, 1)
-        assert not made.is_light_field
+    for made in (mesh(neighbour_time=0.0), pictures()):
+        assert (made.strategy, made.model, made.scale, made.samples) == ("upscale", picture_default_name(), 2, 1)
+        assert (made.is_light_field, made.averages_misfits) == (False, True)
     made = mesh()
     assert (made.strategy, made.model, made.scale, made.samples) == ("upscale", light_field_default_name(), 2, 5)
     assert made.is_light_field
@@ -32,7 +32,7 @@ def test_direct_averages_over_cells_and_needs_no_model():
 @pytest.mark.parametrize(
     ("make", "options", "message"),
     [
-        (mesh, {"scale": 3}, "fast upscales by 2, not 3; give strategy direct, which renders the mesh that large, or "),
+        (mesh, {"scale": 3}, "quality upscales by 2, not 3; give strategy direct, which renders the mesh that large"),
         (pictures, {"scale": 3}, "quality upscales by 2, not 3; give a supported scale, or"),
         (
             pictures,
@@ -40,7 +40,7 @@ def test_direct_averages_over_cells_and_needs_no_model():
             "quality upscales by 2, not 4; give .* and upscale the result again, or model bicubic",
         ),
         (pictures, {"scale": 3, "model": "quality"}, "quality upscales by 2, not 3; give a supported scale, or"),
-        (mesh, {"scale": 1}, "fast upscales by 2, not 1; give model none"),
+        (mesh, {"scale": 1}, "quality upscales by 2, not 1; give model none"),
         (pictures, {"scale": 1, "model": "bicubic"}, "bicubic upscales by 2, 3, 4, 5, 6, 7, 8, not 1; give model none"),
     ],
 )

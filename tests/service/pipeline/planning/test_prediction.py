@@ -67,7 +67,7 @@ def select(limit=None, wanted=((7, 7),), name="vase", **options):
 
 
 def test_the_faster_strategy_is_taken_and_both_times_are_reported(prices):
-    default = catalogue.default_name()
+    default = catalogue.picture_default_name()
     prices(pixel=1e-3)  # 10,000 pixels: 10 ms and 1 ms of rays, against 640,000 samples: 6.4 ms
     assert select() == ("direct", f"direct should take 6.4 ms here, upscale by {default} 11.0 ms")
     prices(pixel=1e-4)
@@ -156,7 +156,7 @@ def test_rays_are_predicted_where_opengl_does_not_work(prices, monkeypatch):
 
 def test_a_strategy_that_is_not_possible_is_not_taken(prices):
     prices(pixel=1e-9)
-    assert select(scale=3) == ("direct", f"direct, as {catalogue.default_name()} doesn't upscale by 3")
+    assert select(scale=3) == ("direct", f"direct, as {catalogue.picture_default_name()} doesn't upscale by 3")
     prices(pixel=1e9)
     assert select(lenses=(2000, 2000)) == (
         "upscale", f"upscale, as {2000 * 2000 * 64:,} samples for each view at the larger size are over the limit"

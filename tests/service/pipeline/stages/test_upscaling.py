@@ -153,7 +153,7 @@ def test_of_a_mesh_only_the_views_around_are_rendered(cube, stand_in, own_views,
         view_sources.MeshViews, "make_views", lambda self, views: make(self, rendered.extend(views) or views)
     )
     _, report = run(cube, views="0,5", neighbour_time=0.0, **MESH)
-    assert report["plan"]["model"] == "fast"
+    assert report["plan"]["model"] == "quality"
     assert "24 more views rendered" in report["plan"]["reasons"][0]
     assert rendered == [(0, 5)]
     for model, words in (("auto", "24 more are rendered"), ("field", "24 of them")):
