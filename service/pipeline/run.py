@@ -28,6 +28,7 @@ from ciir.service.pipeline.stages.prefetch import prefetch
 from ciir.service.pipeline.stages.schedule import Batch, batch_size, schedule_batches
 from ciir.service.pipeline.stages.upscaling import (
     describe_model,
+    describe_shares,
     describe_skipped,
     fallback_notes,
     finishing_reasons,
@@ -211,10 +212,11 @@ def _reconstruct(
             wanted = [given_as[place] for place in places]
             finished += some
             with clock.stage("encode"):
-                for view, picture in zip(wanted, pictures, strict=True):
+                shares = describe_shares(plan, some) or [{}] * len(wanted)
+                for view, picture, share in zip(wanted, pictures, shares, strict=True):
                     height, width = picture.shape[:2]
                     name = writer.write(view, picture)
-                    written.append({"v": view[0], "u": view[1], "file": name, "height": height, "width": width})
+                    written.append({"v": view[0], "u": view[1], "file": name, "height": height, "width": width} | share)
             if progress is not None:
                 progress(len(written), len(job.wanted))
 

@@ -182,6 +182,13 @@ def finishing_reasons(plan: Plan, finished: Sequence[Finishing]) -> list[str]:
     return reasons
 
 
+def describe_shares(plan: Plan, finished: Sequence[Finishing]) -> list[dict[str, float]]:
+    """Returns what the report's `views` say of each view besides its file: `fallback`, the share of its pixels that the
+    single-picture fallback made, after a light-field network.
+    """
+    return [{"fallback": round(view.fallback, 4)} if plan.is_light_field else {} for view in finished]
+
+
 def describe_average(what: str, shares: Sequence[float], count: int, maker: str = "the network") -> str:
     """Says that some of `count` pictures or views are means with bicubic interpolation, which has these `shares` of
     them (`models.single.finishing`), because what `maker` made doesn't fit them.
@@ -200,8 +207,8 @@ def describe_average(what: str, shares: Sequence[float], count: int, maker: str 
 
 
 def fallback_notes(finished: Sequence[Finishing], *, of_mesh: bool) -> list[str]:
-    """Returns the report's notes on misaligned views, and on the share of pixels of the others that the fallback made;
-    none if it is negligible.
+    """Returns the report's notes on misaligned views, and on the others of which the fallback made more than a
+    negligible share of the pixels.
     """
     notes = []
     if misaligned := [view.misalignment for view in finished if view.is_misaligned]:
@@ -210,10 +217,13 @@ def fallback_notes(finished: Sequence[Finishing], *, of_mesh: bool) -> list[str]
             f"{alone}: the views next to them are about {np.median(misaligned):.1f} pixels from where they should be, "
             "or in a wrong order; rectify the views, or put them in order"
         )
-    share = sum(view.fallback for view in finished if not view.is_misaligned) / max(1, len(finished))
-    if share < MINIMUM_FALLBACK_SHARE:
+    others = [view.fallback for view in finished if not view.is_misaligned]
+    shares = [share for share in others if share >= MINIMUM_FALLBACK_SHARE]
+    if not shares:
         return notes
-    made = f"{100 * share:.0f} % of the pixels were made by {catalogue.picture_default_name()} from their view alone"
+    where = f"in {len(shares)} of {len(finished)} views, up to " if len(finished) > 1 else ""
+    name = catalogue.picture_default_name()
+    made = f"{where}{100 * max(shares):.0f} % of the pixels were made by {name} from their view alone"
     captured = "another scene, a wrong order of views, noise, errors of a JPEG, or depths too far apart"
     causes = "too few lenses, or depths too far apart" if of_mesh else captured
     return [*notes, f"{made}: the neighbouring views don't match there ({causes})"]

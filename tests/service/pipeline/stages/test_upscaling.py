@@ -185,6 +185,7 @@ def test_the_fallback_share_is_noted(stand_in):
     eia = Bundle.from_upload("eia.png", EIA_PNG)
     _, report = run(eia, lenses=(6, 9))
     assert report["notes"] == []
+    assert [view["fallback"] for view in report["views"]] == [0.0]
     stand_in.uncertainty = 1.1
     _, report = run(eia, lenses=(6, 9))
     (note,) = report["notes"]
@@ -195,6 +196,16 @@ def test_the_fallback_share_is_noted(stand_in):
     (reason,) = (why for why in report["plan"]["reasons"] if "bicubic" in why)
     assert reason.startswith("the view is a mean with bicubic interpolation (")
     assert "because what quality made doesn't fit it" in reason
+    assert [view["fallback"] for view in report["views"]] == [1.0]
+    _, report = run(eia, lenses=(6, 9), model="fast")
+    assert "fallback" not in report["views"][0]
+
+
+def test_the_fallback_share_of_one_of_many_views_is_noted():
+    finished = [Finishing(), Finishing(fallback=0.42), Finishing(fallback=0.1), *[Finishing()] * 20]
+    (note,) = fallback_notes(finished, of_mesh=False)
+    assert note.startswith("in 1 of 23 views, up to 42 % of the pixels were made by ")
+    assert fallback_notes(finished[2:], of_mesh=False) == []
 
 
 def test_misaligned_views_are_noted_and_do_not_count_for_the_share():
