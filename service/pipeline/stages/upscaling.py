@@ -175,7 +175,9 @@ def finishing_reasons(plan: Plan, finished: Sequence[Finishing]) -> list[str]:
             f"fusion: {fused} of {len(finished)} views are means with the upscaled views around them, as {why}"
         )
     if matched := sum(view.is_matched for view in finished):
-        reasons.append(f"fusion: {matched} of {len(finished)} views are brought closer to what the views around them saw")
+        reasons.append(
+            f"fusion: {matched} of {len(finished)} views are also brought closer to what those around them saw"
+        )
     if shares := [view.interpolated for view in finished if view.interpolated]:
         maker = catalogue.picture_default_name() if plan.is_light_field else "the network"
         reasons.append(describe_average("view", shares, len(finished), maker))

@@ -91,7 +91,8 @@ def test_views_of_a_jpeg_array_are_fused(fine):
 def test_always_fuses_all_views(fine):
     _, report = run(make_array(make_small(fine, MEANS), "png"), pixels=(7, 7), model="field", fusion="always")
     assert find_fusion(report) == [
-        "fusion: 1 of 1 views are means with the upscaled views around them, as fusion is always"
+        "fusion: 1 of 1 views are means with the upscaled views around them, as fusion is always",
+        "fusion: 1 of 1 views are also brought closer to what those around them saw",
     ]
     _, without = run(make_array(make_small(fine, MEANS), "png"), pixels=(7, 7), model="field", fusion="never")
     assert report["plan"]["predicted_ms"] > 2 * without["plan"]["predicted_ms"]
