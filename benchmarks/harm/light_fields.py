@@ -4,9 +4,9 @@ All combinations would be too many, so factors vary around the middle view of a 
 
 - degradation x grid (3x3, 5x5, 9x9, all views) x view (middle, edge, corner);
 - degradation x one of noise (sigma 2, 5), JPEG (90, 75) and order (reversed, transposed) x view (middle, corner);
-- for box only: two views exchanged; all views moved; noise and JPEG together; order with noise, order with JPEG; noise,
-  JPEG and order on 3x3; order on up to 9x9; JPEG of the elemental image array that up to 9x9 views make (quality 90,
-  75; middle, corner).
+- for box only: two views exchanged; all views moved; all views rolled; noise and JPEG together; order with noise, order
+  with JPEG; noise, JPEG and order on 3x3; order on up to 9x9; JPEG of the elemental image array that up to 9x9 views
+  make (quality 90, 75; middle, corner).
 
 Views are cropped to their middle before they are degraded (`training.data.downscale`). The truth is the view as it was
 read. JPEG compresses each view, or the whole elemental image array if the input is one.
@@ -14,11 +14,13 @@ read. JPEG compresses each view, or the whole elemental image array if the input
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from PIL import Image
 
 from ciir.benchmarks.bench.work import reconstruct_views
 from ciir.benchmarks.harm.case import LIGHT_FIELD, SCALE, Case
@@ -36,7 +38,7 @@ if TYPE_CHECKING:
     from ciir.renderer.views import View
     from ciir.service.pipeline.source import Source
 
-Order = Literal["right", "reversed", "transposed", "exchanged", "moved"]
+Order = Literal["right", "reversed", "transposed", "exchanged", "moved", "rolled"]
 
 GRIDS = (3, 5, 9)
 PLACES = ("middle", "edge", "corner")
@@ -46,8 +48,11 @@ QUALITIES = (90, 75)
 """JPEG qualities, with chroma at half size."""
 ORDERS: tuple[Order, ...] = ("reversed", "transposed")
 """Wrong orders of views: rows from the bottom; rows and columns exchanged."""
-ERRORS: tuple[Order, ...] = ("exchanged", "moved")
-"""Errors in the views' places: those beside the middle one are exchanged; each is moved by up to half an LR pixel."""
+ERRORS: tuple[Order, ...] = ("exchanged", "moved", "rolled")
+"""Errors in the views' places: those beside the middle one are exchanged; each is moved by up to half an LR pixel; each
+is turned about its middle by up to `ROLL`."""
+ROLL = 0.5
+"""Degrees by which rolled views are turned at most: at the edge of 128x128 LR pixels that is half an LR pixel."""
 SIDE = 128
 """Largest side of a low-resolution view, in pixels; larger views are cropped to their middle."""
 LEAST = 32
@@ -135,8 +140,9 @@ def list_cases(name: str, views: Views, variations: Sequence[Variation]) -> Iter
     for kind in dict.fromkeys(one.degradation for one in variations):
         cropped = crop_views(views, kind)
         pairs = {"right": degrade_views(cropped, kind, SCALE)}
-        if any(one.order == "moved" for one in variations if one.degradation == kind):
-            pairs["moved"] = degrade_views(move_views(cropped, np.random.default_rng(0)), kind, SCALE)
+        for order, change in (("moved", move_views), ("rolled", roll_views)):
+            if any(one.order == order for one in variations if one.degradation == kind):
+                pairs[order] = degrade_views(change(cropped, np.random.default_rng(0)), kind, SCALE)
         for number, one in enumerate(variations):
             if one.degradation != kind:
                 continue
@@ -186,6 +192,18 @@ def move_views(views: Views, random: np.random.Generator) -> Views:
     for view in np.ndindex(views.shape[:2]):
         moved[view] = np.roll(views[view], random.integers(-1, 2, 2), (0, 1))
     return moved
+
+
+def roll_views(views: Views, random: np.random.Generator) -> Views:
+    """Returns the views, each turned about its middle by up to `ROLL` degrees. Beyond its edge a view is mirrored."""
+    rolled = np.empty_like(views)
+    height, width = views.shape[2:4]
+    margin = math.ceil(math.radians(ROLL) * max(height, width)) + 2
+    for view in np.ndindex(views.shape[:2]):
+        padded = np.pad(views[view], ((margin, margin), (margin, margin), (0, 0)), mode="symmetric")
+        turned = Image.fromarray(padded).rotate(random.uniform(-ROLL, ROLL), Image.Resampling.BICUBIC)
+        rolled[view] = np.asarray(turned)[margin:-margin, margin:-margin]
+    return rolled
 
 
 def corrupt_views(views: Views, variation: Variation, random: np.random.Generator) -> LightField:

@@ -18,6 +18,7 @@ from ciir.models.light_field.network import LightFieldNetwork
 from ciir.models.light_field.strides import choose_stride, upscale_spaced_views
 from ciir.models.light_field.views import upscale_views
 from ciir.models.light_field.windows import MINIMUM_GRID
+from ciir.models.single.finishing import average_misfit
 from ciir.models.single.pixels import upscale_pixels
 from ciir.renderer.light_field import LightField
 from ciir.renderer.limits import DEFAULT_LIMITS
@@ -212,7 +213,7 @@ def score_case(case: Case, networks: Sequence[Model], subject: Callable[[Case], 
     best = max(singles, key=psnr.__getitem__, default="")
     against_bicubic = _subtract(psnr[DEFAULT], psnr[BICUBIC])
     alone = pictures.get(catalogue.picture_default_name())
-    is_helped = result.is_light_field and not (alone is not None and is_same(alone, result.picture))
+    is_helped = result.is_light_field and not (alone is not None and _is_alone(result.picture, alone, case))
     against_single = _subtract(psnr[DEFAULT], psnr[best]) if best and is_helped else None
     is_single_worse = against_single is not None and against_single < against_bicubic
     shown = {"truth": case.truth, BICUBIC: pictures[BICUBIC]}
@@ -243,6 +244,13 @@ def _upscale_case(network: Model, case: Case) -> Picture:
 def is_same(picture: Picture, other: Picture) -> bool:
     """Checks whether pictures are equal but for rounding."""
     return bool(np.abs(picture.astype(np.int16) - other).max() <= 1)
+
+
+def _is_alone(picture: Picture, single: Picture, case: Case) -> bool:
+    """Checks whether `picture` is that of the single-picture default, `single`, as the fallback finishes it."""
+    averaged = single.copy()
+    average_misfit(averaged, case.views[case.at])
+    return is_same(averaged, picture)
 
 
 def _subtract(psnr: float, other: float) -> float:

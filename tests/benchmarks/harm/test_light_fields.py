@@ -26,6 +26,7 @@ def test_variations_have_every_value_of_every_factor():
         *((order, kind) for order in ("right", "reversed", "transposed") for kind in ("bicubic", "box", "point")),
         ("exchanged", "box"),
         ("moved", "box"),
+        ("rolled", "box"),
     }
 
 
@@ -56,18 +57,30 @@ def test_the_wanted_view_keeps_its_content_in_every_order(order):
     assert np.array_equal(case.source.views, case.views)
 
 
-def test_two_views_are_exchanged_and_all_are_moved_with_their_truth():
+def test_two_views_are_exchanged_and_all_are_moved_or_rolled_with_their_truth():
     views = make_views(3, 5)
-    exchanged, moved = light_fields.list_cases(
-        "noise", views, [Variation("box", (3, 5), "edge", order=order) for order in ("exchanged", "moved")]
+    exchanged, moved, rolled = light_fields.list_cases(
+        "noise", views, [Variation("box", (3, 5), "edge", order=order) for order in light_fields.ERRORS]
     )
     low = views.reshape(3, 5, 20, 2, 20, 2, 3).mean(axis=(3, 5))
     differs = np.abs(exchanged.views - low).max(axis=(2, 3, 4)) > 0.5
     assert np.argwhere(differs).tolist() == [[1, 1], [1, 3]]
     assert np.abs(exchanged.views[1, [1, 3]] - low[1, [3, 1]]).max() <= 0.5
-    assert (np.abs(moved.views - low).max(axis=(2, 3, 4)) > 0.5).sum() > 5
-    own = moved.truth.reshape(20, 2, 20, 2, 3).mean(axis=(1, 3))
-    assert np.abs(moved.views[moved.at] - own).max() <= 0.5
+    for case in (moved, rolled):
+        assert (np.abs(case.views - low).max(axis=(2, 3, 4)) > 0.5).sum() > 5
+        own = case.truth.reshape(20, 2, 20, 2, 3).mean(axis=(1, 3))
+        assert np.abs(case.views[case.at] - own).max() <= 0.5
+
+
+def test_views_are_rolled_about_their_middle():
+    """Each by its own angle, of up to half a degree: a gradient down gains a slope across."""
+    gradient = np.broadcast_to(np.arange(128, dtype=np.uint8)[:, None, None], (3, 3, 128, 128, 3))
+    rolled = light_fields.roll_views(gradient, np.random.default_rng(0)).astype(float)
+    assert np.abs(rolled[..., 60:68, 60:68, :].mean((2, 3, 4)) - 63.5).max() <= 0.5
+    slopes = (rolled[..., 8:-8, -9, 0] - rolled[..., 8:-8, 8, 0]).mean(2) / 111
+    degrees = np.degrees(np.arctan(slopes))
+    assert np.ptp(degrees) > 0.3
+    assert np.abs(degrees).max() <= light_fields.ROLL + 0.05
 
 
 def test_views_are_cropped_to_their_middle():
