@@ -108,8 +108,10 @@ def _find_shift(own: Seen, other: Plane, offset: View) -> Plane:
     shift = np.zeros(2, np.float32)
     if min(other.shape) < 2:
         return shift
+    rows, cols = _list_places(other.shape)
     for _ in range(2):
-        moved = _sample(other, own.disparity, offset, shift)
+        places = rows + own.disparity * offset[0] + shift[0], cols + own.disparity * offset[1] + shift[1]
+        moved = ndimage.map_coordinates(other, places, order=1, mode="nearest")
         difference = own.luma - moved
         difference -= ndimage.uniform_filter(difference, AROUND, mode="nearest")
         slopes = np.stack([np.gradient(moved, axis=axis).ravel() for axis in (0, 1)])

@@ -146,6 +146,7 @@ class FusingUpscaler:
         numbers = [number for number, finishing in enumerate(finished) if self._is_fused(finishing)]
         self._fuse_rows({other for number in numbers for other in list_line(wanted[number], self._grid, 0)})
         if self._matches:
+            self._fetch_missing({other for number in numbers for other in list_nearest(wanted[number], self._grid)})
             self._find_disparities({other for number in numbers for other in list_nearest(wanted[number], self._grid)})
         result: Any = np.stack([self._upscaled[view].picture for view in wanted])
 
@@ -171,7 +172,7 @@ class FusingUpscaler:
 
     def _fetch_missing(self, views: Iterable[View]) -> None:
         """Fetches those of `views` that are not kept."""
-        if missing := sorted(set(views) - self._views.keys()):
+        if missing := _refresh_kept(self._views, views):
             self._views.update(self._fetch(missing))
 
     def _upscale_views(self, wanted: Iterable[View]) -> None:
@@ -246,7 +247,8 @@ class FusingUpscaler:
                 (v - view[0], u - view[1]): Seen(compute_luma(self._views[v, u], contrast), self._disparities[v, u])
                 for v, u in list_nearest(view, self._grid)
             }
-            unsure = MATCHING_NOISE * noise * float(np.iinfo(small.dtype).max) / contrast
+            peak = np.iinfo(small.dtype).max >> count_raised_bits(small, picture)  # of which noise is a share
+            unsure = MATCHING_NOISE * noise * peak / contrast
             fused = match_views(fused, seen.pop((0, 0)), seen, sampling.kind, noise=unsure)
         change = np.rint(fused * np.float32(contrast) - compute_luma(picture, 1)).astype(np.int32)
         for channel in np.moveaxis(picture, -1, 0):

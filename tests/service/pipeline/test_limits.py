@@ -48,7 +48,7 @@ def test_samples_of_all_views():
         limits.check_samples(10_000, 25, 249_999, "upscale", samples=1)
     with pytest.raises(TooLarge, match=r"fewer views, fewer lenses or sampling pinhole$"):
         limits.check_samples(10_000, 25, 249_999, "upscale", samples=4)
-    with pytest.raises(TooLarge, match=r"24 of them around those asked for, are 250,000.*model fast"):
+    with pytest.raises(TooLarge, match=r"24 of them around those asked for, are 250,000.*model quality"):
         limits.check_samples(10_000, 25, 249_999, "upscale", samples=1, neighbours=24)
     with pytest.raises(TooLarge, match=r"fewer lenses, a smaller scale or strategy upscale$"):
         limits.check_samples(10_000, 25, 249_999, "direct", samples=1)

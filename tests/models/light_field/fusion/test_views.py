@@ -107,19 +107,20 @@ def test_rows_and_columns_in_either_direction_are_upscaled_once(order):
     assert len(upscale.made) == 49
 
 
-@pytest.mark.parametrize("at_once", [1, 4])
-def test_views_in_no_order(at_once):
-    """Means of rows are kept for longer than the views that they are of."""
+@pytest.mark.parametrize(("at_once", "matches", "stride"), [(1, False, 1), (4, False, 1), (1, True, 1), (1, True, 2)])
+def test_views_in_no_order(at_once, matches, stride):
+    """Means of rows and disparities are kept for longer than the views that they are of."""
     grid = (15, 15)
     views = make_views(grid)
     order = [*views]
     np.random.default_rng(0).shuffle(order)
-    fusing = make_upscaler(Upscaling(), views, grid)
+    finishing = Finishing(sampling=Sampling("means", likeness=1.0, gain=1.0, noise=0.0))
+    fusing = make_upscaler(Upscaling(finishing), views, grid, stride, matches=matches)
     for first in range(0, 60, at_once):
         wanted = [tuple(view) for view in order[first : first + at_once]]
         made, _ = fusing({}, wanted)
         assert len(made) == at_once
-    (alone,), _ = make_upscaler(Upscaling(), views, grid)({}, wanted[-1:])
+    (alone,), _ = make_upscaler(Upscaling(finishing), views, grid, stride, matches=matches)({}, wanted[-1:])
     assert np.array_equal(made[-1], alone)
 
 
@@ -383,6 +384,16 @@ def test_few_large_views_are_upscaled_at_once(side, most):
     fusing = make_upscaler(Counting(), views)
     fusing._upscale_views(list(views)[:12])
     assert max(counts) == most
+
+
+def test_noise_is_a_share_of_the_bits_that_are_used(monkeypatch):
+    noises = []
+    monkeypatch.setattr(fusion_views, "match_views", lambda picture, *_, noise: noises.append(noise) or picture)
+    finishing = Finishing(sampling=Sampling("means", likeness=1.0, gain=1.0, noise=0.01))
+    for dtype, level in ((np.uint8, 200), (np.uint8, 25), (np.uint16, 51_200), (np.uint16, 800)):
+        views = {view: (picture * (level / 200)).astype(dtype) for view, picture in make_views().items()}
+        make_upscaler(Upscaling(finishing, noise=0), views, matches=True)({}, [(2, 2)])
+    np.testing.assert_allclose(noises, noises[0], rtol=0.1)  # 25 levels are coarse
 
 
 def test_missing_views_are_fetched_once():
