@@ -94,6 +94,36 @@ def test_views_that_lie_off_are_found():
         )  # these views are aliased
 
 
+def test_views_that_lie_off_help(monkeypatch):
+    own, others = see(AROUND, "means", disparity=0.5, shift=(0.3, -0.2))
+    first, truth = upscale(own.luma), make_texture(64)
+    found = measure_error(match_views(first, own, others, "means"), truth)
+    monkeypatch.setattr(matching, "_find_shift", lambda own, other, offset: np.zeros(2, np.float32))
+    assert found < 0.97 * measure_error(match_views(first, own, others, "means"), truth)
+
+
+def test_single_pixels_that_differ_hardly_count():
+    own, others = see(AROUND, "means", disparity=0.5)
+    first = upscale(own.luma)
+    expected = match_views(first, own, others, "means")
+    spot = np.zeros_like(own.luma)
+    spot[16, 16] = 0.3  # too little to tell other content by its patch
+    spotted = {offset: seen._replace(luma=seen.luma + spot) for offset, seen in others.items()}
+    change = np.abs(match_views(first, own, spotted, "means") - expected)
+    assert change.max() < 0.05  # of 0.3; 0.08 if each counted by its difference
+
+
+def test_noise_in_flat_parts_is_held_back(monkeypatch):
+    random = np.random.default_rng(0)
+    flat = np.zeros((32, 32), np.float32)
+    own, *others = (Seen(random.normal(0, 0.03, flat.shape).astype(np.float32), flat) for _ in range(5))
+    first = np.zeros((64, 64), np.float32)
+    given = dict(zip(AROUND, others, strict=True))
+    held = np.std(match_views(first, own, given, "filter"))
+    monkeypatch.setattr(matching, "PRIOR", 0.0)
+    assert held < 0.7 * np.std(match_views(first, own, given, "filter"))
+
+
 @SAMPLINGS
 def test_views_of_other_content_hardly_count(sampling):
     own, _ = see([], sampling)
