@@ -19,7 +19,7 @@ const PICTURES = ["png", "tiff", "jpeg", "webp"];
 const VIDEOS = ["mp4", "webm", "gif", "animated-webp"];
 const MESHES = ["mesh", "scene"];
 /** Options that some formats need, with a first value if there is one. Those in CHOICES take one of its values, and those in FILES the text of a file. */
-const FIRST = /** @type {Record<string, string>} */ ({ stack: "-1:1:16", time: "0:1:24", rotate: "0:360:60", epi: "" });
+const FIRST = /** @type {Record<string, string>} */ ({ stack: "-1:1:16", time: "0:1:24", rotate: "0:360:60", epi: "", print: "6x4in", lpi: "60", dpi: "600" });
 /** The values of options that have fixed ones; the devices are those of `renderer/displays/devices.py`. */
 export const CHOICES = /** @type {Record<string, string[]>} */ ({
   device: ["portrait", "go", "16-landscape", "16-portrait", "32-landscape", "32-portrait", "65", "8.9"],
@@ -39,6 +39,7 @@ export const EXPORTS = {
   "all epi": { kind: "reconstructions", formats: ["epi"], fields: { views: "all" }, needs: ["epi"] },
   displays: { kind: "displays", formats: ["quilt"], needs: ["device"] },
   "displays lenticular": { kind: "displays", formats: ["lenticular"], needs: ["calibration"] },
+  "displays print": { kind: "displays", formats: ["lenticular"], needs: ["print", "lpi", "dpi", "view_distance", "view_angle"] },
   "displays panel": { kind: "displays", formats: ["panel"], needs: ["display"] },
   elementals: { kind: "elementals", formats: PICTURES, only: MESHES },
   plane: { kind: "planes", formats: PICTURES, needs: ["disparity"] },
@@ -79,7 +80,7 @@ export function offerFormats(input) {
     if (only && !only.some((kind) => input.includes(kind))) continue;
     const start = name.split(" ")[0];
     const group = groups.get(start) ?? make("optgroup", "", { label: GROUPS[start] });
-    group.append(...formats.map((format) => make("option", FORMATS[format] ?? format, { value: `${name}/${format}` })));
+    group.append(...formats.map((format) => make("option", FORMATS[name] ?? FORMATS[format] ?? format, { value: `${name}/${format}` })));
     groups.set(start, group);
   }
   select.replaceChildren(...groups.values());
@@ -183,6 +184,7 @@ export function findGroup(kind, { views, stack, rotate, format }) {
  */
 export function nameResult(kind, fields) {
   const { format } = fields, what = ENDS[findGroup(kind, fields)] ?? "";
+  if (fields.print) return "_print";
   return NAMED.includes(String(format)) ? `${what}_${format}` : what;
 }
 

@@ -108,6 +108,11 @@ export const TEXTS = {
   download: "Download",
   device: "Model of the Looking Glass",
   calibration: "Calibration of the display, a JSON file",
+  print: "Size of the print, such as 6x4in or 152x102mm",
+  lpi: "Lenses per inch of the sheet",
+  dpi: "Dots per inch of the printer",
+  view_distance: "Viewing distance, such as 16in or 400mm; if empty, about 4 times the height",
+  view_angle: "Viewing angle of the sheet, in degrees; if empty, 40",
   display: "Panel and lenses, a TOML file",
   time: "Times in seconds, from : to : count",
   rotate: "Turns to the right in degrees, from : to : count",
@@ -116,7 +121,7 @@ export const TEXTS = {
   epi: "Row y=120, or column x=80",
   planeHelp: "Click in Look around on what should be sharp: its disparity is filled in here.",
   stackHelp: "Show the disparity in Look around: its range is filled in here.",
-  calibrationHelp: "The file visual.json, which is stored on the display. For a lenticular print, write one like the example.",
+  calibrationHelp: "The file visual.json, which is stored on the display. For a print after a pitch test, write one like the example.",
   displayHelp: "Write one like the example, with lengths in millimetres.",
   example: "Example",
   larger: "Upscale the views first",
@@ -149,11 +154,10 @@ export const GROUPS = /** @type {Record<string, string>} */ ({
 
 /** Examples of files that describe displays, as in docs/displays.md. */
 export const EXAMPLES = /** @type {Record<string, string>} */ ({
-  calibration: `{"pitch": 60, "DPI": 600,
+  calibration: `{"pitch": 59.914, "DPI": 600,
  "screenW": 3600, "screenH": 2400,
  "slope": 10000, "center": 0,
  "viewCone": 40, "invView": 1,
- "viewDistance": 16,
  "subpixels": "none"}`,
   display: `[panel]
 pixels = [1920, 1080]
@@ -192,6 +196,7 @@ export const FORMATS = /** @type {Record<string, string>} */ ({
   epi: "Epipolar plane image (EPI)",
   quilt: "Quilt for a Looking Glass",
   lenticular: "Picture for a lenticular display",
+  "displays print": "Lenticular print",
   panel: "Picture for a panel behind lenses",
   pfm: "Disparity in pixels (PFM)",
   viridis: "Disparity in colours (PNG)",

@@ -268,6 +268,26 @@ def test_every_looking_glass_is_offered(page):
     assert re.search(r'name="device"\r\n\r\ngo\r', posted.value.post_data)
 
 
+def test_a_lenticular_print_is_as_large_as_its_size_and_the_printer_say(page):
+    page.expected = ["422"]
+    open_scene(page)
+    page.locator("#format").select_option(label="Lenticular print")
+    button = page.get_by_role("button", name="Download")
+    for label, value in (("Size of the print", "1x0.5in"), ("Dots per inch", "100"), ("Viewing angle", "50")):
+        page.get_by_label(label).fill(value)
+    button.click()
+    expect(page.get_by_role("alert")).to_contain_text("give dpi 120 or more")
+    expect(page.get_by_label("Lenses per inch")).to_have_attribute("aria-invalid", "true")
+    page.get_by_label("Dots per inch").fill("150")
+    with page.expect_request("**/v1/displays") as posted, page.expect_download() as download:
+        button.click()
+    sent = dict(re.findall(r'name="(print|lpi|dpi|view_\w+)"\r\n\r\n(.*)\r', posted.value.post_data))
+    assert sent == {"print": "1x0.5in", "lpi": "60", "dpi": "150", "view_angle": "50"}
+    assert download.value.suggested_filename == "Vase_print.png"
+    with Image.open(download.value.path()) as picture:
+        assert (picture.size, round(picture.info["dpi"][0])) == ((150, 75), 150)
+
+
 def test_downloads_of_one_input_have_different_names(page):
     script = """import("/assets/export.js").then(({ EXPORTS, nameResult }) => Object.values(EXPORTS).flatMap(
         ({ kind, formats, fields, needs = [] }) => formats.map((format) => [
