@@ -1,8 +1,8 @@
 // @ts-check
 /** The viewer alone, for an iframe. `#job=ID` shows a job of `format=tiles`, `#scene=vase&lenses=50x50` a shipped scene with settings. */
-import { describeError, Job, Problem, request } from "./client.js";
 import { make } from "./dom.js";
-import { PLACE, showLightField } from "./light_field.js";
+import { describeError, Job, Problem, request } from "./job/client.js";
+import { PLACE, showLightField } from "./results/light_field.js";
 import { PICTURE_TEXTS, SENTENCES, writeTexts } from "./texts.js";
 
 /** Settings in the address that concern the viewpoint and the page, not the light field. */
@@ -14,7 +14,7 @@ function show(text) {
   holder.replaceChildren(make("p", text, { role: "status" }));
 }
 
-/** @param {import("./client.js").Status} status */
+/** @param {import("./job/client.js").Status} status */
 function showProgress({ progress }) {
   if (progress && progress.views > 1) show(`${PICTURE_TEXTS.making}: ${SENTENCES.views(progress.views_done, progress.views)}`);
 }

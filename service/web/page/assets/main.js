@@ -1,21 +1,21 @@
 // @ts-check
 /** The page. An input is first shown as mapped, then as the user chose. */
-import { isEnded, Job, Problem, request, setKey } from "./client.js";
 import { find, make } from "./dom.js";
-import { fillFocus, nameResult, offerFormats, saveResponse, watchExport } from "./export.js";
-import { fill, makeFile, makeShown, showPicture, showViews } from "./frame.js";
-import { describe, isAnimated, joinFiles, listChosen, listDropped, nameInput, nameStem } from "./inputs.js";
-import { clear, clearNotes, EXPORT, perform, run, showProblem, showReport, showStatus } from "./job.js";
-import { PLACE } from "./light_field.js";
-import { allowTurning, closeMesh, openMesh, watchPlace } from "./place.js";
-import { findRange } from "./ranges.js";
-import { forgetJob, isUnfinished, watchRecent } from "./recent.js";
-import { fitSettings, LENSES, mergeSettings, offerGrids, offerModels, readSettings, watchSettings } from "./settings.js";
+import { describe, isAnimated, joinFiles, listChosen, listDropped, nameInput, nameStem } from "./input/inputs.js";
+import { findRange } from "./input/ranges.js";
+import { fitSettings, LENSES, mergeSettings, offerGrids, offerModels, readSettings, watchSettings } from "./input/settings.js";
+import { isEnded, Job, Problem, request, setKey } from "./job/client.js";
+import { clear, clearNotes, EXPORT, perform, run, showProblem, showReport, showStatus } from "./job/job.js";
+import { forgetJob, isUnfinished, watchRecent } from "./job/recent.js";
+import { allowTurning, closeMesh, openMesh, watchPlace } from "./mesh/place.js";
+import { fillFocus, nameResult, offerFormats, saveResponse, watchExport } from "./results/export.js";
+import { fill, makeFile, makeShown, showPicture, showViews } from "./results/frame.js";
+import { PLACE } from "./results/light_field.js";
 import { readState, replaceState } from "./state.js";
 import { KINDS, SENTENCES, TEXTS, writeTexts } from "./texts.js";
 
-/** @typedef {import("./inputs.js").Input} Input */
-/** @typedef {import("./recent.js").Entry} Entry */
+/** @typedef {import("./input/inputs.js").Input} Input */
+/** @typedef {import("./job/recent.js").Entry} Entry */
 
 const SETTLE_MILLISECONDS = 250; // after a change of a setting, as a key may be pressed again
 const MESH_PIXELS = "7x7"; // for meshes, as for the examples: the server's default of 15x15 takes four times as long
@@ -44,7 +44,7 @@ function leave() {
  * Does work in place of the previous work, and shows errors.
  * @param {(signal: AbortSignal) => Promise<string | void>} action Returns what the user has to do next, if anything.
  * @param {string} [name] The name to show if nothing is open.
- * @param {import("./job.js").Place} [place] Where it is reported.
+ * @param {import("./job/job.js").Place} [place] Where it is reported.
  * @returns {Promise<void>}
  */
 async function attempt(action, name = "", place) {
@@ -89,7 +89,7 @@ function open(chosen) {
 /**
  * Describes views whose rows and columns the server can't find: the user gives them.
  * @param {unknown} error
- * @returns {import("./inputs.js").Description}
+ * @returns {import("./input/inputs.js").Description}
  */
 function askGrid(error) {
   if (error instanceof Problem && NEEDS_GRID.test(error.detail)) return { kind: "views", candidates: [], notes: [], error };
@@ -184,7 +184,7 @@ function reopen(entry) {
       throw error;
     }
   };
-  const download = (/** @type {import("./job.js").Place | undefined} */ place) =>
+  const download = (/** @type {import("./job/job.js").Place | undefined} */ place) =>
     void attempt(async (signal) => saveResponse(await fetchResult(signal), entry.stem ?? entry.name, entry.end ?? "", entry.name), entry.name, place);
   const isExport = entry.what === TEXTS.export;
   if (!isExport && new URLSearchParams(entry.hash.slice(1)).has("scene")) return goTo(entry.hash);

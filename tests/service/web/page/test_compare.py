@@ -42,7 +42,7 @@ def encode_text(picture):
 def comparison(page):
     page.evaluate(
         """async ([pictures, truth]) => {
-          const { showComparison } = await import("/assets/compare.js");
+          const { showComparison } = await import("/assets/results/compare.js");
           window.made = [];
           const ways = Object.entries(pictures).map(
             ([name, text]) => ({ name, make: async () => (made.push(name), read(text)) }));
@@ -168,7 +168,7 @@ def test_disparity_and_epi_lie_over_a_light_field(page, tmp_path):
     page.evaluate(
         """async ([tiles, coloured]) => {
           const [{ showLightField }, { addOverlays }] = await Promise.all(
-            [import("/assets/light_field.js"), import("/assets/overlays.js")]);
+            [import("/assets/results/light_field.js"), import("/assets/results/overlays.js")]);
           const stage = await showLightField(document.querySelector("main"), new Response(read(tiles)));
           let calls = 0;
           addOverlays(stage, async () => {

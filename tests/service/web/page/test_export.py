@@ -251,14 +251,15 @@ def test_times_are_offered_for_animations_alone(page):
 
 
 def test_every_format_of_the_server_is_offered(page):
-    script = "import('/assets/export.js').then(({ EXPORTS }) => Object.values(EXPORTS).map((g) => [g.kind, g.formats]))"
+    groups = "Object.values(EXPORTS).map((group) => [group.kind, group.formats])"
+    script = f"import('/assets/results/export.js').then(({{ EXPORTS }}) => {groups})"
     offered = {(kind, format_) for kind, formats in page.evaluate(script) for format_ in formats}
     written = {(kind.plural, format_) for kind in KINDS.values() if kind.name not in OTHERS for format_ in kind.formats}
     assert offered == written
 
 
 def test_every_looking_glass_is_offered(page):
-    assert page.evaluate("import('/assets/export.js').then(({ CHOICES }) => CHOICES.device)") == list(DEVICES)
+    assert page.evaluate("import('/assets/results/export.js').then(({ CHOICES }) => CHOICES.device)") == list(DEVICES)
     open_scene(page)
     page.locator("#format").select_option("displays/quilt")
     page.get_by_label("Model of the Looking Glass").select_option("go")
@@ -289,7 +290,7 @@ def test_a_lenticular_print_is_as_large_as_its_size_and_the_printer_say(page):
 
 
 def test_downloads_of_one_input_have_different_names(page):
-    script = """import("/assets/export.js").then(({ EXPORTS, nameResult }) => Object.values(EXPORTS).flatMap(
+    script = """import("/assets/results/export.js").then(({ EXPORTS, nameResult }) => Object.values(EXPORTS).flatMap(
         ({ kind, formats, fields, needs = [] }) => formats.map((format) => [
             nameResult(kind, { ...fields, ...Object.fromEntries(needs.map((need) => [need, "0:1:2"])), format }),
             format])))"""
@@ -298,7 +299,7 @@ def test_downloads_of_one_input_have_different_names(page):
 
 
 def test_a_name_keeps_the_layout_of_a_quilt_and_nothing_of_a_path(page):
-    save = """([stem, sent]) => import("/assets/export.js").then(({ saveResponse }) => saveResponse(
+    save = """([stem, sent]) => import("/assets/results/export.js").then(({ saveResponse }) => saveResponse(
         new Response("", { headers: { "Content-Disposition": `attachment; filename="0f1e${sent}"` } }), stem, ""))"""
     for stem, sent, saved in (
         ("vase", "_qs11x6a0.5625.png", "vase_qs11x6a0.5625.png"),

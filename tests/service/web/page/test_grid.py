@@ -22,7 +22,7 @@ GRIDS = {
     "hexagonal-columns": LensGrid(14.37, (5.3, 8.8), 0.8, "hexagonal"),
 }
 CENTERS = """async ([settings, size, lenses]) => {
-    const { findCentre, findLens, readGrid } = await import("/assets/lenses.js");
+    const { findCentre, findLens, readGrid } = await import("/assets/input/lenses.js");
     const grid = readGrid(settings, size);
     return lenses.map((lens) => ({ place: findCentre(grid, lens), lens: findLens(grid, findCentre(grid, lens)) }));
 }"""

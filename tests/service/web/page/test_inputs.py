@@ -177,7 +177,7 @@ def test_a_mesh_gives_its_files_their_name(page):
     ],
 )
 def test_files_are_named_after_the_folder_of_all_or_the_mesh(page, files, name, stem):
-    script = """(names) => import("/assets/inputs.js").then(async ({ joinFiles, nameInput, nameStem }) => {
+    script = """(names) => import("/assets/input/inputs.js").then(async ({ joinFiles, nameInput, nameStem }) => {
         const input = await joinFiles(names.map((name) => ({ name, file: new File([], name.split("/").at(-1)) })));
         return [nameInput(input), nameStem(input)];
     })"""
@@ -185,7 +185,9 @@ def test_files_are_named_after_the_folder_of_all_or_the_mesh(page, files, name, 
 
 
 def test_the_page_knows_the_suffixes_of_meshes(page):
-    script = """(names) => import("/assets/inputs.js").then(({ MESH }) => names.filter((name) => MESH.test(name)))"""
+    script = (
+        """(names) => import("/assets/input/inputs.js").then(({ MESH }) => names.filter((name) => MESH.test(name)))"""
+    )
     assert set(page.evaluate(script, [f"a{suffix}" for suffix in SUFFIXES])) == {
         f"a{suffix}" for suffix in SUFFIXES if is_mesh(f"a{suffix}")
     }

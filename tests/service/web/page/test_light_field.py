@@ -21,7 +21,7 @@ STREAM = """
   window.stream = null;
   window.push = (text) => stream.enqueue(Uint8Array.from(atob(text), (each) => each.charCodeAt(0)));
   const body = new ReadableStream({ start: (controller) => (window.stream = controller) });
-  window.shown = import("/assets/light_field.js")
+  window.shown = import("/assets/results/light_field.js")
     .then(({ showLightField }) => showLightField(document.querySelector("main"), new Response(body)))
     .then(() => "all views", (error) => error.message);
 """
@@ -91,7 +91,7 @@ def test_views_as_mapped_stand_for_those_that_are_upscaled(page, tmp_path):
     small = LightField(np.ascontiguousarray(FIELD.views[:, :, ::2, ::2]), depth_sense="cameras")
     mapped, _ = make_tiles(tmp_path / "a.zip", small)
     larger, ends = make_tiles(tmp_path / "b.zip")
-    load = """([text, scale]) => import("/assets/light_field.js").then(({ showLightField }) => showLightField(
+    load = """([text, scale]) => import("/assets/results/light_field.js").then(({ showLightField }) => showLightField(
         document.querySelector("main"),
         new Response(Uint8Array.from(atob(text), (each) => each.charCodeAt(0))),
         { scale },

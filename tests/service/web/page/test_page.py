@@ -100,7 +100,7 @@ def test_a_number_of_lenses_is_completed(page, typed):
 
 
 def test_zips_are_as_python_reads_them(page):
-    script = """import('/assets/zip.js').then(async ({ writeZip }) => {
+    script = """import('/assets/input/zip.js').then(async ({ writeZip }) => {
         const zip = await writeZip([
             { name: 'a/\u00fc.txt', file: new Blob(['one']) },
             { name: 'b', file: new Blob([]) },

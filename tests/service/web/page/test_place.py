@@ -175,7 +175,7 @@ def test_there_is_no_preview_of_what_the_server_shows_otherwise(page, extension,
     model.json["extensionsUsed"] = [extension]
     change(model)
     script = """async (data) => {
-        const { Preview } = await import("/assets/preview.js");
+        const { Preview } = await import("/assets/mesh/preview.js");
         const preview = new Preview(document.createElement("canvas"));
         const file = new File([Uint8Array.from(data)], "a.glb");
         return preview.open([{ name: "a.glb", file }]).then(() => true, () => false).finally(() => preview.close());
@@ -357,7 +357,7 @@ def test_a_mesh_asks_no_other_host(page):
         "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
         "buffers": [{"uri": "https://evil.example/a.bin", "byteLength": 36}]}"""
     script = """async (mesh) => {
-        const { Preview } = await import("/assets/preview.js");
+        const { Preview } = await import("/assets/mesh/preview.js");
         const file = new File([mesh], "a.gltf");
         await new Preview(document.createElement("canvas")).open([{ name: "a.gltf", file }]);
     }"""

@@ -1,8 +1,8 @@
 // @ts-check
 /** Requests to the HTTP API of this server, with the API key if one is set. The key is kept as long as the tab is open. */
-import { keep, read } from "./storage.js";
-import { PROBLEMS } from "./server_texts.js";
-import { TEXTS } from "./texts.js";
+import { PROBLEMS } from "../server_texts.js";
+import { keep, read } from "../storage.js";
+import { TEXTS } from "../texts.js";
 
 const KEY = "key";
 const RETRY_MILLISECONDS = 1000;

@@ -1,26 +1,26 @@
 // @ts-check
 /** The frame of the page: it shows one thing at a time, and makes it. */
-import { Job } from "./client.js";
+import { decodeImage, find, make } from "../dom.js";
+import { describe, makeForm, nameInput, nameStem, readImage } from "../input/inputs.js";
+import { readGrid } from "../input/lenses.js";
+import { askDisparity, keepRange } from "../input/ranges.js";
+import { changeLenses, LENSES, listModels } from "../input/settings.js";
+import { Job } from "../job/client.js";
+import { clearNotes, perform, run, showReport } from "../job/job.js";
+import { keepJob } from "../job/recent.js";
+import { hidePreview, isTurning } from "../mesh/place.js";
+import { SENTENCES, TEXTS } from "../texts.js";
 import { showComparison } from "./compare.js";
-import { decodeImage, find, make } from "./dom.js";
 import { findGroup, nameResult } from "./export.js";
 import { LensGrid } from "./grid.js";
-import { describe, makeForm, nameInput, nameStem, readImage } from "./inputs.js";
-import { clearNotes, perform, run, showReport } from "./job.js";
-import { readGrid } from "./lenses.js";
 import { showLightField } from "./light_field.js";
 import { addOverlays } from "./overlays.js";
-import { hidePreview, isTurning } from "./place.js";
-import { askDisparity, keepRange } from "./ranges.js";
-import { keepJob } from "./recent.js";
-import { changeLenses, LENSES, listModels } from "./settings.js";
-import { SENTENCES, TEXTS } from "./texts.js";
 
-/** @typedef {import("./inputs.js").Input} Input */
+/** @typedef {import("../input/inputs.js").Input} Input */
 /** @typedef {Record<string, string>} Settings */
 
 const frame = find("frame", HTMLElement);
-/** @typedef {{picture: Blob, status: import("./client.js").Status}} Made A picture, and the job that made it. */
+/** @typedef {{picture: Blob, status: import("../job/client.js").Status}} Made A picture, and the job that made it. */
 /** @type {WeakMap<Input, Map<string, Made>>} The pictures of an input, by the fields that made them. */
 const pictures = new WeakMap();
 /** @type {LensGrid | undefined} The lens grid that is shown. */

@@ -1,9 +1,9 @@
 // @ts-check
 /** Downloads in every format that the server writes. */
-import { find, make } from "./dom.js";
-import { leaveExport } from "./job.js";
-import { readState } from "./state.js";
-import { EXAMPLES, FORMATS, GROUPS, TEXTS } from "./texts.js";
+import { find, make } from "../dom.js";
+import { leaveExport } from "../job/job.js";
+import { readState } from "../state.js";
+import { EXAMPLES, FORMATS, GROUPS, TEXTS } from "../texts.js";
 
 /**
  * @typedef {object} Group Formats of one kind of job.
@@ -13,7 +13,7 @@ import { EXAMPLES, FORMATS, GROUPS, TEXTS } from "./texts.js";
  * @property {string[]} [needs] Options that the user has to give.
  * @property {string[]} [only] The inputs for which the group is offered, as in `data-for`.
  */
-/** @typedef {import("./ranges.js").Range} Range */
+/** @typedef {import("../input/ranges.js").Range} Range */
 
 const PICTURES = ["png", "tiff", "jpeg", "webp"];
 const VIDEOS = ["mp4", "webm", "gif", "animated-webp"];

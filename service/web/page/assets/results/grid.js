@@ -1,9 +1,9 @@
 // @ts-check
 /** A lens grid over the picture in which it was found; the user can correct it by dragging. */
-import { make } from "./dom.js";
+import { make } from "../dom.js";
+import { HALF, findCentre, findLens, findNearest, isRaw, listDivisors, readShape, sizeOf } from "../input/lenses.js";
+import { PICTURE_TEXTS, SENTENCES, TEXTS } from "../texts.js";
 import { followGestures } from "./gestures.js";
-import { HALF, findCentre, findLens, findNearest, isRaw, listDivisors, readShape, sizeOf } from "./lenses.js";
-import { PICTURE_TEXTS, SENTENCES, TEXTS } from "./texts.js";
 
 const NEAREST = 8; // pixels of the screen between lenses that are drawn, at least
 const STEP = 0.2; // pixels of the picture for each press of an arrow key
@@ -11,9 +11,9 @@ const KEYS = /** @type {Record<string, [number, number]>} */ ({ ArrowLeft: [0, -
 const RADIUS = 0.42; // of a lens as it is drawn, in pitches
 const USUAL_PIXELS = 15; // of an elemental image, if nothing is known
 
-/** @typedef {import("./lenses.js").Cells} Cells */
-/** @typedef {import("./lenses.js").Place} Place */
-/** @typedef {import("./lenses.js").RawGrid} RawGrid */
+/** @typedef {import("../input/lenses.js").Cells} Cells */
+/** @typedef {import("../input/lenses.js").Place} Place */
+/** @typedef {import("../input/lenses.js").RawGrid} RawGrid */
 
 /** A picture with its lens grid. */
 export class LensGrid {

@@ -1,10 +1,10 @@
 // @ts-check
 /** Turns a mesh by hand. It follows at once if three.js can read it, otherwise when the server has rendered it. */
-import { find, make } from "./dom.js";
-import { stop } from "./job.js";
-import { TEXTS } from "./texts.js";
+import { find, make } from "../dom.js";
+import { stop } from "../job/job.js";
+import { TEXTS } from "../texts.js";
 
-/** @typedef {import("./inputs.js").Input} Input */
+/** @typedef {import("../input/inputs.js").Input} Input */
 /** @typedef {import("./preview.js").Preview} Preview */
 
 const KEYS = /** @type {Record<string, [string, number]>} */ ({

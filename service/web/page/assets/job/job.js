@@ -1,10 +1,10 @@
 // @ts-check
 /** The work of the page, one thing at a time: the progress of its job, cancelling, errors, and where the time went. */
+import { find, make } from "../dom.js";
+import { adaptRemedy, STAGES } from "../server_texts.js";
+import { SENTENCES, TEXTS } from "../texts.js";
 import { isEnded, Problem } from "./client.js";
-import { find, make } from "./dom.js";
 import { markJob } from "./recent.js";
-import { adaptRemedy, STAGES } from "./server_texts.js";
-import { SENTENCES, TEXTS } from "./texts.js";
 
 /** @typedef {import("./client.js").Job} Job */
 /** @typedef {import("./client.js").Status} Status */

@@ -1,6 +1,6 @@
 // @ts-check
 /** The disparities of the open input, which depth planes are made of. */
-import { Job } from "./client.js";
+import { Job } from "../job/client.js";
 import { makeForm } from "./inputs.js";
 
 /** @typedef {import("./inputs.js").Input} Input */

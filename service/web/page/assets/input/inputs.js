@@ -1,9 +1,9 @@
 // @ts-check
 /** Inputs of the page: a shipped scene, a file, or several files that are sent as one zip. */
-import { Job } from "./client.js";
-import { decodeImage } from "./dom.js";
-import { run } from "./job.js";
-import { SENTENCES, TEXTS } from "./texts.js";
+import { decodeImage } from "../dom.js";
+import { Job } from "../job/client.js";
+import { run } from "../job/job.js";
+import { SENTENCES, TEXTS } from "../texts.js";
 import { writeZip } from "./zip.js";
 
 /**

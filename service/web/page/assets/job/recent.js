@@ -1,10 +1,10 @@
 // @ts-check
 /** The last jobs of this browser, newest first. */
+import { find, make } from "../dom.js";
+import { STATES } from "../server_texts.js";
+import { keep, read } from "../storage.js";
+import { FORMATS, GROUPS, SENTENCES, TEXTS } from "../texts.js";
 import { Problem, request } from "./client.js";
-import { find, make } from "./dom.js";
-import { keep, read } from "./storage.js";
-import { STATES } from "./server_texts.js";
-import { FORMATS, GROUPS, SENTENCES, TEXTS } from "./texts.js";
 
 const KEY = "recent", PLACE = "localStorage";
 const MOST = 20;

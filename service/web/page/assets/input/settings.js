@@ -1,8 +1,8 @@
 // @ts-check
 /** The form of settings: options of the API by their names, except that three angles together are the option `rotate`. */
-import { request } from "./client.js";
-import { find, make } from "./dom.js";
-import { MODELS, SENTENCES, TEXTS } from "./texts.js";
+import { find, make } from "../dom.js";
+import { request } from "../job/client.js";
+import { MODELS, SENTENCES, TEXTS } from "../texts.js";
 
 /** @typedef {import("./inputs.js").Candidate} Candidate */
 

@@ -1,11 +1,11 @@
 // @ts-check
 /** Shows a light field as it arrives in `format=tiles`: small views first, then rows of views from the middle outwards. */
-import { isEnded } from "./client.js";
-import { PICTURE_TEXTS } from "./texts.js";
-import { Stage } from "./viewer/page.js";
+import { isEnded } from "../job/client.js";
+import { PICTURE_TEXTS } from "../texts.js";
+import { Stage } from "../viewer/page.js";
 
-/** @typedef {import("./viewer/viewer.js").LightField} LightField */
-/** @typedef {import("./viewer/viewer.js").Tile} Tile */
+/** @typedef {import("../viewer/viewer.js").LightField} LightField */
+/** @typedef {import("../viewer/viewer.js").Tile} Tile */
 
 const MEMBER = 0x04034b50, DIRECTORY = 0x02014b50; // of a zip (APPNOTE.TXT 6.3.10, sections 4.3.7 and 4.3.12)
 const HEADER = 30; // bytes of a member before its name

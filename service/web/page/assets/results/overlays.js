@@ -1,10 +1,10 @@
 // @ts-check
 /** Overlays of a light field: its disparity in colours, and the epipolar plane image (EPI) of a row of pixels. */
-import { describeError } from "./client.js";
-import { make } from "./dom.js";
-import { PICTURE_TEXTS } from "./texts.js";
+import { make } from "../dom.js";
+import { describeError } from "../job/client.js";
+import { PICTURE_TEXTS } from "../texts.js";
 
-/** @typedef {import("./viewer/page.js").Stage} Stage */
+/** @typedef {import("../viewer/page.js").Stage} Stage */
 
 /**
  * Adds two check boxes to a light field whose views are loaded.

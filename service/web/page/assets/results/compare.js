@@ -1,10 +1,10 @@
 // @ts-check
 /** Compares two of several pictures of one view at the same spot, with a divider, a common zoom, and the difference from the truth. */
-import { describeError, isEnded } from "./client.js";
-import { make } from "./dom.js";
+import { make } from "../dom.js";
+import { describeError, isEnded } from "../job/client.js";
+import { PICTURE_TEXTS } from "../texts.js";
 import { followGestures } from "./gestures.js";
 import { measureQuality } from "./score.js";
-import { PICTURE_TEXTS } from "./texts.js";
 
 const FEWEST = 8; // pixels of the largest picture across the frame at the strongest zoom
 const DIFFERENCE = 4; // factor by which a difference is made brighter
