@@ -66,6 +66,8 @@ class Placement:
         return turned
 
 
+FACTORS = 0.01, 100.0
+"""The smallest and the largest zoom and depth factor."""
 AS_GIVEN = Placement()
 """The object as it is in its file, behind the array."""
 

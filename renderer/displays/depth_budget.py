@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir.renderer.displays.screen import place_views
+from ciir.renderer.placement import FACTORS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -89,11 +90,12 @@ class DepthBudget:
             )
         ]
         if self.blurred:
-            lines.append(
-                f"depth: {_percent(self.blurred)} of the surface is beyond that and blurs; "
-                f"with depth_factor {self._find_sharp(depth_factor):g}, or zoom {self._find_sharp(zoom):g}, all of it "
-                "would be sharp"
-            )
+            found = {"depth_factor": self._find_sharp(depth_factor), "zoom": self._find_sharp(zoom)}
+            accepted = [f"{name} {factor:g}" for name, factor in found.items() if factor >= FACTORS[0]]
+            remedy = f"with {', or '.join(accepted)}, all of it would be sharp"
+            if not accepted:
+                remedy = f"some would still blur with depth_factor or zoom {FACTORS[0]:g}; give both, or a flatter mesh"
+            lines.append(f"depth: {_percent(self.blurred)} of the surface is beyond that and blurs; {remedy}")
         if self.cut:
             lines.append(f"depth: {_percent(self.cut)} of the surface leaves the frame in some directions")
         return tuple(lines)

@@ -45,6 +45,7 @@ KEYS = (
 """Entries that are read; the others are ignored, such as a display's serial number."""
 PATTERN = "the display's subpixels form a pattern: they are treated as stripes of red, green and blue"
 INVERTED = "calibration: invView is 0: lenses on a print then show depth inverted; give invView 1 for a print"
+CHECK = "check pitch, the lenses per inch, and DPI"
 MOST_SIDE = 100_000
 """Most pixels along a side."""
 UNTESTED = (
@@ -110,13 +111,17 @@ class Calibration:
         return (np.arange(self.width) + 0.5) / self.width, 1 - (row + 0.5) / self.height
 
 
-def parse_calibration(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pixels) -> Calibration:
+def parse_calibration(
+    data: bytes, *, name: str, remedy: str = CHECK, max_pixels: int = DEFAULT_LIMITS.pixels
+) -> Calibration:
     """Returns the calibration in a JSON file, `{"pitch": {"value": 49.9}, ...}` as displays store it, or with plain
     numbers.
 
     It may also be the entry `calibration` of an object, or a reply of Looking Glass Bridge about one display. Displays
     don't store two of the entries: `"subpixels"` is `"rgb"`, `"bgr"` or, for prints, `"none"`, and replaces `flipSubp`;
     `"viewDistance"` is the distance of a print's viewer in inches, for which `pitch`, the lens sheet's, is adapted.
+
+    `remedy`: the remedy for lenses that don't fit the pixels.
 
     A note advises prints against `invView` 0. Raises `Unreadable` if a number is missing or out of range, if the case
     of a key is wrong, if lenses cover fewer than 2 places for views or are wider than the screen, and `TooLarge` over
@@ -179,18 +184,16 @@ def parse_calibration(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMIT
     )
     if calibration.pitch < 1:
         raise Unreadable(
-            f"{name}: lenses across the screen: {calibration.pitch:.3g}, and at least 1 is needed; check pitch, the "
-            "lenses per inch, and DPI"
+            f"{name}: lenses across the screen: {calibration.pitch:.3g}, and at least 1 is needed; {remedy}"
         )
     if calibration.directions < 2:
         places = "pixels" if stripes == "none" else "subpixels"
         raise Unreadable(
-            f"{name}: {places} under a lens: {calibration.directions:.4g}, and at least 2 are needed; check pitch, the "
-            "lenses per inch, and DPI"
+            f"{name}: {places} under a lens: {calibration.directions:.4g}, and at least 2 are needed; {remedy}"
         )
     if calibration.sharp > DEEP:
-        deep = f"calibration: check pitch, the lenses per inch: detail would be sharp up to {calibration.sharp:.2g}"
-        notes.append(f"{deep} heights of the screen from it")
+        deep = f"depth: detail would be sharp up to {calibration.sharp:.2g} heights of the screen from it"
+        notes.append(f"{deep}; {remedy}")
     return replace(calibration, notes=tuple(notes))
 
 

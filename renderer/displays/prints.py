@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from dataclasses import replace
 
 from ciir.errors import InvalidOption, TooLarge
 from ciir.renderer.displays.lenticular import MOST_SIDE, Calibration, parse_calibration
@@ -13,6 +14,7 @@ from ciir.renderer.limits import DEFAULT_LIMITS
 
 PRINT = ("print", "lpi", "dpi", "view_distance", "view_angle")
 """The names of the `WriterOptions` that describe a print."""
+REMEDY = "give another print, lpi or dpi"
 _PER_INCH = {"in": 1.0, "mm": 25.4}
 _SPAN = 0.1, 10_000
 """The shortest and the longest length in inches."""
@@ -53,7 +55,8 @@ def make_calibration(
     view_angle: float | None = None,
     max_pixels: int = DEFAULT_LIMITS.pixels,
 ) -> Calibration:
-    """Returns the calibration of a print, as `parse_calibration` reads it from the JSON of the same print.
+    """Returns the calibration of a print, as `parse_calibration` reads it from the JSON of the same print, with notes
+    that name these options.
 
     `size`: as `parse_size` reads it. `lpi`: the lens sheet's lenses per inch. `dpi`: the printer's pixels per inch.
     `view_distance`: as `parse_distance` reads it, by default the distance from which the print is `FIELD_OF_VIEW` high.
@@ -97,4 +100,7 @@ def make_calibration(
         "subpixels": "none",
         **({} if view_angle is None else {"viewCone": view_angle}),
     }
-    return parse_calibration(json.dumps(numbers).encode(), name="print", max_pixels=max_pixels)
+    found = parse_calibration(json.dumps(numbers).encode(), name="print", remedy=REMEDY, max_pixels=max_pixels)
+    strips = found.pitch / (width / dpi)
+    seen = f"print: with lpi {lpi:g} and view_distance {distance:.4g}in, {strips:.6g} strips fit into an inch"
+    return replace(found, notes=(seen, *found.notes[1:]))  # the first one has the words of the JSON

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,12 @@ _VALUES = {name: option.type.schema.get("enum", []) for name, option in OPTIONS.
     "views": ["all"],
 }
 """Words that only the value of an option can be where they follow its name."""
+_WITH_WORD = {"--to"} | {
+    f"--{name.replace('_', '-')}"
+    for name, option in OPTIONS.items()
+    if not option.flag and option.placeholder != "FILE"
+}
+"""Options before a word that is no name of a file, such as `--to quilt`."""
 _FORM = r"\d+x\d+|-?\d+:[\d:.-]*\d|[A-Z]+[x,][A-Z,]+"
 """Values such as `50x50`, `0:360:60` and `ROWSxCOLUMNS`."""
 _BEFORE, _AFTER = r"""(?<![\w./\\'"-])""", r"""(?![\w/\\'"-]|\.\w)"""
@@ -26,13 +33,15 @@ _BEFORE, _AFTER = r"""(?<![\w./\\'"-])""", r"""(?![\w/\\'"-]|\.\w)"""
 _VALUED = "|".join(f"{name} (?:{'|'.join([*_VALUES.get(name, ()), _FORM])})" for name in _NAMES)
 _ITEM = f"(?:{_VALUED}|{'|'.join(_NAMES)}){_AFTER}"
 _MORE = f"(?:(?:,| and| or|, and|, or) {_ITEM})"
+_NUMBER = r"(?: \d[\d.]*(?:in)?(?![\w/]))?"
+"""A number after an item."""
 _END = r"(?=[;,.)]|$| \(| (?:out|too|and|or|as|in pixels|in millimetres|instead|of its|to|that|with)\b)"
 _LEAD = "|".join(rf"(?<=\b{word} )" for word in ("give", "give another", "leave", "need", "needs", "with", "one of"))
 _OWN = "|".join(name for name in _NAMES if "_" in name)
 _HEADING = re.compile(f"{_ITEM}{_MORE}*(?=:)")
 """Options that a message is about."""
 _PLACES = re.compile(
-    f"(?:{_LEAD}){_ITEM}{_MORE}*{_END}"
+    f"(?:{_LEAD}){_ITEM}{_NUMBER}(?:{_MORE}{_NUMBER})*{_END}"
     f"|{_BEFORE}(?:{_VALUED}){_AFTER}(?: {_ITEM})?"
     f"|{_BEFORE}(?:{_OWN}){_AFTER}(?:{_MORE}+{_END})?"
     f"|{_BEFORE}(?:{'|'.join(_NAMES)})(?= (?:gives|selects)\\b)"
@@ -44,10 +53,11 @@ _OPTION = re.compile(f"{_BEFORE}(?:{_VALUED}|{'|'.join(_NAMES)}){_AFTER}")
 def format_message(text: str, given: Sequence[str] | None = None) -> str:
     """Formats a message as one line, with options as they are typed: `--lens-pitch auto` for `lens_pitch auto`.
 
-    `given`: the arguments of the command, or other names of files, for an error. Names of options in them are kept.
-    None: the text is a note, whose first word may be plain.
+    `given`: the arguments of the command, or other names of files, for an error. Names of options in them are kept,
+    except in values that are no names of files. None: the text is a note, whose first word may be plain.
     """
-    kept = {name for word in given or () for name in _NAMES if name in (*word.split(), PurePath(word).name)}
+    files = [word for before, word in pairwise(["", *(given or ())]) if before not in _WITH_WORD]
+    kept = {name for word in files for name in _NAMES if name in (*word.split(), PurePath(word).name)}
     written: set[str] = set()
 
     def write(found: re.Match[str]) -> str:

@@ -84,7 +84,7 @@ def make_parser() -> argparse.ArgumentParser:
 
 
 def _add_models(add_command: Callable[..., argparse.ArgumentParser]) -> None:
-    command = add_command("models", "list the models")
+    command = add_command("models", "list the networks and interpolations")
     command.add_argument("--json", action="store_true", help="list everything about each model, as JSON")
 
     command = add_command(

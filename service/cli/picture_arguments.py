@@ -182,7 +182,7 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
 
     command = add_command(
         "depth",
-        "estimate the disparity of a view (exact for a mesh), or model what the views show",
+        "estimate the disparity of a view (exact for a mesh), or make a 3D model of what the views show",
         "pictures.depth",
     )
     command.add_argument("input", metavar="INPUT", help="file, folder or zip; or scene:NAME")
@@ -193,7 +193,7 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         "--out",
         required=True,
         metavar="OUT",
-        help=f"{suffixes}, with the confidence in a second file; or {models}: a coloured model",
+        help=f"{suffixes}, with the confidence in a second file; or {models}: a coloured 3D model",
     )
     command.add_argument(
         "--to", metavar="FORMAT", help=f"one of {', '.join(maps.FORMATS)} (default: chosen by the name of OUT)"

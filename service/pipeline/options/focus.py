@@ -133,7 +133,7 @@ FOCUS = {
     ),
     "points": Option(
         "NAME",
-        "yes: a model (PLY) is written as points, without triangles",
+        "yes: a 3D model (PLY) is written as points, without triangles",
         make_switch(get_args(Switch)),
         "yes",
         "yes",

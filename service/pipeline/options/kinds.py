@@ -32,7 +32,10 @@ _INPUT = tuple(name for name in (*READING, *LENSLET, *MESH) if name != "neighbou
 """Options of kinds of jobs that use all views."""
 _ANY_SIZE = 2**62
 """A limit in pixels that never applies: the size of a display is checked where the limits are known."""
-MODEL_FIRST = "a model that upscales the views first: a name that `ciir models` lists, auto or none (default none)"
+MODEL_FIRST = (
+    "a network or interpolation that upscales the views first: a name that `ciir models` lists, auto or none "
+    "(default none)"
+)
 """Help of the option `model` for results that are made of the views."""
 
 ONE_POSE = {name: OPTIONS[name].help.partition("; several")[0] for name in ("rotate", "time")}
@@ -152,7 +155,7 @@ def _check_disparity(options: Options, name: str | None) -> None:
         raise InvalidOption("points: only a PLY holds points; leave it out or make a ply")
     if options.camera_pitch is not None and name not in MODELS:
         raise InvalidOption(
-            f"camera_pitch: it places a model and changes no disparity; leave it out or make a {' or '.join(MODELS)}"
+            f"camera_pitch: it places a 3D model and changes no disparity; leave it out or make a {' or '.join(MODELS)}"
         )
 
 
@@ -190,8 +193,9 @@ KINDS: dict[KindName, Kind] = {
             _PICTURES,
             "tiff for a TIFF, else png",
             {
-                "model": f"a single-picture model; default auto: {catalogue.FALLBACK}, or its int8 twin if the "
-                "processor supports it, averaged with bicubic interpolation if its picture doesn't fit the input",
+                "model": f"a single-picture network or interpolation; default auto: {catalogue.FALLBACK}, or its int8 "
+                "twin if the processor supports it, averaged with bicubic interpolation if its picture doesn't fit the "
+                "input",
                 "scale": "output pixels for each input pixel along a side, 1 to 8 (default 2); " + OTHER_SCALES,
                 "skip": "exact: skip pixels that can't change the result; none: compute everything (default exact)",
             },
@@ -256,7 +260,7 @@ KINDS: dict[KindName, Kind] = {
         ),
         Kind(
             "disparity",
-            "Estimate the disparity of a view, or make a model of what the views show",
+            "Estimate the disparity of a view, or make a 3D model of what the views show",
             "an EIA picture, a zip of views, a light field in one file, or a mesh",
             ("view", "limits", "camera_pitch", *CAMERAS, "points", "model", "scale", "fusion", *_INPUT),
             (*maps.FORMATS, *MODELS, "zip"),
@@ -264,8 +268,8 @@ KINDS: dict[KindName, Kind] = {
             {
                 **ONE_POSE,
                 "model": MODEL_FIRST,
-                "camera_pitch": "for a model of a camera array, with true depths and widths: distance between cameras "
-                "in millimetres",
+                "camera_pitch": "for a 3D model of a camera array, with true depths and widths: distance between "
+                "cameras in millimetres",
             },
             {"model": NO_MODEL},
             (Options.check_limits, Options.check_cameras),

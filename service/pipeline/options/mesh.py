@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, Self, get_args
 
 from ciir.errors import InvalidOption
-from ciir.renderer.placement import Fit, Placement, Up
+from ciir.renderer.placement import FACTORS, Fit, Placement, Up
 from ciir.service.pipeline.options import values
 from ciir.service.pipeline.options.option import Option
 from ciir.service.pipeline.options.rotation import ROTATION, Rotation, list_yaws
@@ -36,7 +36,7 @@ MESH = {
     "zoom": Option(
         "FACTOR",
         "size of a mesh; 1 is the largest size that fits into every view (default 1)",
-        make_number(0.01, 100),
+        make_number(*FACTORS),
         "1.5",
     ),
     "place": Option(
@@ -49,13 +49,13 @@ MESH = {
         "FACTOR",
         "factor on a mesh's depth from the plane of the lens array or display, at the same size; below 1 it is flatter "
         "(default 1)",
-        make_number(0.01, 100),
+        make_number(*FACTORS),
         "0.5",
     ),
     "fit": Option(
         "NAME",
         "views: scale a mesh to the largest size that fits into every view; none: take its coordinates as those of the "
-        "lens array, as for a captured model (default views)",
+        "lens array, as for a captured 3D model (default views)",
         make_name(get_args(Fit)),
         "none",
     ),
@@ -108,7 +108,7 @@ MESH = {
     ),
     "neighbour_time": Option(
         "SECONDS",
-        "for a mesh and a model that takes several views: by how many seconds the job may take longer, as predicted, "
+        "for a mesh and a network that takes several views: by how many seconds the job may take longer, as predicted, "
         "to render views through a moved lens array, or else their neighbours (for a video: each frame); 0: neither "
         "(default 1)",
         make_number(0, 1e6, "seconds such as 0.5"),

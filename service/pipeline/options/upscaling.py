@@ -37,7 +37,8 @@ UPSCALING = {
     ),
     "model": Option(
         "NAME",
-        f"a model that `ciir models` lists; none to write views as they are; or auto: {AUTO_MODEL} (default auto)",
+        "a network or interpolation that `ciir models` lists; none to write views as they are; or auto: "
+        f"{AUTO_MODEL} (default auto)",
         values.TEXT,
         "auto",
     ),

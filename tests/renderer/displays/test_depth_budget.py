@@ -60,6 +60,13 @@ def test_what_lies_beyond_it_blurs_by_its_share_of_the_surface():
     assert "; with depth_factor 0.37, or zoom 0.66, all" in budget.notes(1.333, 0.75)[1]  # not 0.67: 0.6665
 
 
+def test_no_zoom_is_named_that_the_option_refuses():
+    note = measure_integral(make_sheets((-3999, 0, 20)), DISPLAY).notes(0.5)[1]
+    assert note.endswith("; with depth_factor 0.01, all of it would be sharp")
+    note = measure_integral(make_sheets((-4001, 0, 20)), DISPLAY).notes()[1]
+    assert note.endswith("; some would still blur with depth_factor or zoom 0.01; give both, or a flatter mesh")
+
+
 def test_what_leaves_the_frame_in_some_direction_is_counted():
     """tan = 1 mm / 8 mm: at a depth of 40 mm a point moves by up to 5 mm to each side."""
     budget = measure_integral(make_sheets((-39, 42, 1), (39, -47, 1), (0, 47, 1), (0, -47, 1)), DISPLAY)

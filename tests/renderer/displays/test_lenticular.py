@@ -277,7 +277,9 @@ def test_lenses_wider_than_the_screen_are_refused_and_few_are_noted():
     with pytest.raises(Unreadable, match=r"^c.json: lenses across the screen: 0.99, .* check pitch, .* and DPI"):
         make_calibration(screenW=1200.0, screenH=800.0, pitch=0.283)
     (note,) = make_calibration(screenW=1200.0, screenH=800.0, pitch=3.0).notes
-    assert note.startswith("calibration: check pitch, the lenses per inch: detail would be sharp up to")
+    assert re.fullmatch(
+        "depth: detail would be sharp up to .* from it; check pitch, the lenses per inch, and DPI", note
+    )
 
 
 def test_a_pattern_of_subpixels_is_noted():

@@ -3,6 +3,7 @@
 import json
 import math
 import sys
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -39,7 +40,16 @@ def parse(**changed):
 def test_a_print_has_the_calibration_of_its_json(options, changed):
     written = WriterOptions(**({"print": "6x4in", "lpi": 60, "dpi": 600} | options))
     assert find_kind(written) == "lenticular"
-    assert find_target("lenticular", written) == parse(**changed)
+    assert replace(find_target("lenticular", written), notes=()) == replace(parse(**changed), notes=())
+
+
+def test_notes_name_the_options_of_a_print():
+    seen = "print: with lpi 60 and view_distance {}in, {} strips fit into an inch"
+    assert make_calibration("6x4in", 60, 600, view_distance="406.4mm").notes == (seen.format(16, 59.9143),)
+    assert make_calibration("6x4in", 60, 600).notes == (seen.format(16.29, 59.9158),)
+    _, note = make_calibration("6x4in", 1, 600).notes
+    assert note.startswith("depth: detail would be sharp up to ")
+    assert note.endswith(" heights of the screen from it; give another print, lpi or dpi")
 
 
 def test_without_a_distance_the_perspective_is_that_of_any_display():
@@ -67,7 +77,10 @@ def test_millimetres_are_converted(width, height):
         ({"print": "152x102in"}, r"152x102in at 600 dpi is 91200x61200 pixels; at most [0-9,]+ are made; .*unit"),
         ({"print": "1000x0.5in"}, "is 600000x300 pixels, and sides have 1 to 100,000; check the unit, in or mm"),
         ({"print": "0.1x0.1in", "lpi": 1, "dpi": 2}, "is 0x0 pixels, and sides have 1 to 100,000"),
-        ({"print": "0.1x0.1in", "lpi": 4}, "lenses across the screen: 0.217, and at least 1 is needed; check"),
+        (
+            {"print": "0.1x0.1in", "lpi": 4},
+            "screen: 0.217, and at least 1 is needed; give another print, lpi or dpi",
+        ),
         ({"view_distance": "16"}, "view_distance: '16' is not a length .*; give a distance such as 16in"),
         ({"view_distance": "16mm"}, "view_distance: 16mm is under half of the longer side of 6x4in; give the distance"),
         ({"calibration": json.dumps(DOCUMENTED)}, "print, calibration: both describe the display; leave one of them"),

@@ -46,6 +46,7 @@ PROSE = re.compile(r"--(views|pixels|lenses|frames|points) (of|per|in|with|are|i
         ("give depth, or stack with stack_of depths", "give --depth, or --stack with --stack-of depths"),
         ("fit, place: with fit none it stays", "--fit, --place: with --fit none it stays"),
         ("a layout such as quilt 8x6 aspect 0.75", "a layout such as --quilt 8x6 --aspect 0.75"),
+        ("with depth_factor 0.37, or zoom 0.66, all", "with --depth-factor 0.37, or --zoom 0.66, all"),
         ("pixels gives another grid of views", "--pixels gives another grid of views"),
     ],
 )
@@ -96,6 +97,12 @@ def test_words_of_the_arguments_are_kept():
     given = ["in/lens_pitch.png", "--lens-pitch"]
     assert format_message("give lens_pitch", given) == "give --lens-pitch"
     assert format_message("depth: no such folder", ["in/depth"]) == "depth: no such folder"
+
+
+@pytest.mark.parametrize("given", [["--to", "quilt"], ["a.png", "--depth-sense", "quilt"], ["--to=quilt"]])
+def test_values_of_options_are_no_words_that_are_kept(given):
+    assert format_message("quilt: '8x' is not understood", given) == "--quilt: '8x' is not understood"
+    assert format_message("quilt: no such file", [*given, "--transpose", "quilt"]) == "quilt: no such file"
 
 
 def test_errors_and_notes_of_commands(tmp_path, monkeypatch, capsys):

@@ -1,4 +1,4 @@
-"""`ciir depth`: writes the disparity of a view together with its confidence, or a model of what the views show."""
+"""`ciir depth`: writes the disparity of a view together with its confidence, or a 3D model of what the views show."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> None:
     is_model = path.suffix.lower() in _MODELS and args.to is None
     if not is_model and args.to is None and path.suffix.lower() not in _MAPS:
         listed = ", ".join((*_MAPS, *_MODELS))
-        raise InvalidOption(f"{path}: not the name of a disparity map or a model; end it with {listed}")
+        raise InvalidOption(f"{path}: not the name of a disparity map or a 3D model; end it with {listed}")
     name = None if is_model else find_format(path, args.to).name
     made = path.suffix.lower().removeprefix(".") if is_model else name
     beside = None if is_model else path.with_stem(path.stem + CONFIDENCE)
@@ -70,4 +70,4 @@ def _write_model(source: Source, options: Options, path: Path) -> tuple[Report, 
     model.save(path, points=is_points)
     surface = report["surface"]
     what = f"{surface['vertices']} points" if is_points else f"{surface['triangles']} triangles"
-    return report, f"a model of {what}"
+    return report, f"a 3D model of {what}"

@@ -112,7 +112,9 @@ def test_a_print_by_its_size_is_the_one_of_its_json(folder, capsys, name):
     made = [(folder / f"{way}.png").read_bytes() for way in ("in", "mm")]
     assert made == [wanted, wanted]
     assert ((folder / "python.png").read_bytes() == wanted) == (name == "in.npz")
-    assert capsys.readouterr().err.count("seen from 10 inches, the pitch of 20 becomes 19.86") == 3
+    notes = capsys.readouterr().err
+    assert notes.count("calibration: seen from 10 inches, the pitch of 20 becomes 19.86") == 1
+    assert notes.count("print: with --lpi 20 and --view-distance 10in, 19.86") == 2
     assert convert(f"{name} -o no.zip --print 1.5x1in --lpi 20 --dpi 100 --view-distance 10in") == 2
     assert "or leave --print, --lpi, --dpi, --view-distance out" in capsys.readouterr().err
     assert convert(f"{name} -o no.png --lpi 20") == 2
@@ -294,7 +296,7 @@ def test_a_depth_factor_flattens_a_mesh_at_its_size(folder, capsys, to, placed):
     whole, one, half = pictures.values()
     assert whole == one != half
     assert convert(f"box.obj {to} {placed} --depth-factor 50") == 0
-    (sharp,) = set(re.findall(r"with --depth-factor ([0-9.]+), or zoom", capsys.readouterr().err))
+    (sharp,) = set(re.findall(r"with --depth-factor ([0-9.]+),", capsys.readouterr().err))
     assert convert(f"box.obj {to} {placed} --depth-factor {sharp}") == 0
     assert "blurs" not in capsys.readouterr().err
     larger = float(sharp) * 1.2

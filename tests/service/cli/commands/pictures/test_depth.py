@@ -62,7 +62,7 @@ def test_a_light_field_without_texture(tmp_path, capsys):
 def test_a_model_is_rendered_again(tmp_path, capsys):
     model, array = str(tmp_path / "model.glb"), ["--lenses", "32x32", "--pixels", "5x5", "--backend", "raytrace"]
     assert main(["depth", "scene:vase", *array, "-o", model]) == 0
-    assert "model.glb: a model of " in capsys.readouterr().out
+    assert "model.glb: a 3D model of " in capsys.readouterr().out
     first, again = str(tmp_path / "first.png"), str(tmp_path / "again.png")
     assert main(["elemental", "scene:vase", *array, "-o", first]) == 0
     assert main(["elemental", model, *array, "-o", again, "--fit", "none"]) == 0
@@ -75,7 +75,7 @@ def test_points_of_a_model(tmp_path, capsys):
     assert main(["depth", *MESH, "-o", str(out), "--points"]) == 0
     count = int(re.search(rb"element vertex (\d+)", out.read_bytes())[1])
     assert b"element face" not in out.read_bytes()
-    assert f"out.ply: a model of {count} points" in capsys.readouterr().out
+    assert f"out.ply: a 3D model of {count} points" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -83,13 +83,13 @@ def test_points_of_a_model(tmp_path, capsys):
     [
         (
             ["-o", "a.jpg"],
-            "a.jpg: not the name of a disparity map or a model; end it with .pfm, .tif, .tiff, .png, .npy, .glb",
+            "a.jpg: not the name of a disparity map or a 3D model; end it with .pfm, .tif, .tiff, .png, .npy, .glb",
         ),
         (["-o", "a.pfm", "--to", "exr"], "format: 'exr' holds no disparity; give pfm, tiff, png"),
         (["-o", "a.glb", "--points"], "points: only a PLY holds points; leave it out or make a ply"),
         (
             ["-o", "a.pfm", "--camera-pitch", "2", "--sensor", "36", "--focal-length", "35"],
-            "--camera-pitch: it places a model and changes no disparity; leave it out or make a glb or ply",
+            "--camera-pitch: it places a 3D model and changes no disparity; leave it out or make a glb or ply",
         ),
         (["-o", "a.pfm", "--limits", "0:1"], "limits: the disparity of a mesh is rendered"),
     ],
