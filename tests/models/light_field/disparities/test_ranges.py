@@ -21,9 +21,9 @@ GRIDS = [((3, 3), (1, 1)), ((3, 3), (0, 2)), ((5, 4), (2, 0))]
 def make_texture(down, right, shape=(SIDE, SIDE)):
     """The texture moved by pixels `down` and to the `right`, in levels about 128."""
     rows, cols = (np.arange(length) for length in shape)
-    waves = np.zeros(shape)
-    for (y, x), phase in zip(FREQUENCIES, PHASES, strict=True):
-        waves += np.cos(y * (rows[:, None] - down) + x * (cols - right) + phase)
+    along_y = np.exp(1j * np.outer(rows - down, FREQUENCIES[:, 0]))
+    along_x = np.exp(1j * (np.outer(cols - right, FREQUENCIES[:, 1]) + PHASES))
+    waves = (along_y @ along_x.T).real  # each wave is the cosine of the sum of both angles
     return 128 + waves * 40 / np.sqrt(len(PHASES) / 2)
 
 
