@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, BinaryIO, NamedTuple, cast
 
 from ciir.errors import InputError
 from ciir.models import catalogue
+from ciir.models.light_field.fusion.views import BLOCK_SIDE, MOST_PIXELS, is_matched
 from ciir.renderer.displays.pictures import find_kind, find_target
 from ciir.renderer.readers import picture_sizes
 from ciir.renderer.readers.bundle import PACKED
@@ -24,6 +25,7 @@ from ciir.service.pipeline.job import LENSES, PIXELS
 from ciir.service.pipeline.options import KINDS, MODELS, NO_MODEL
 
 if TYPE_CHECKING:
+    from ciir.models.catalogue import Entry
     from ciir.renderer.displays.pictures import Kind as DisplayKind
     from ciir.service.jobs.job import Lane, Request
     from ciir.service.pipeline.options import Options
@@ -43,9 +45,9 @@ _MULTIPLY_ADD, _INT8_SHARE = 2e-11, 0.3
 """Typical seconds for a network's multiply-add in float, and the share of it in int8."""
 _WRITE, _FRAME = 1e-7, 4e-7
 """Typical seconds for a pixel that is written, and for a pixel of a video's frame."""
-_SHIFT, _MATCH, _MODEL = 1e-8, 2e-5, 1.5e-6
-"""Typical seconds for a view's pixel in a depth plane, for a pixel of a disparity map, and for a view's pixel in a
-model."""
+_SHIFT, _MATCH, _MODEL, _FUSE = 1e-8, 2e-5, 1.5e-6, 2.5e-6
+"""Typical seconds for a view's pixel in a depth plane, for a pixel of a disparity map, for a view's pixel in a model,
+and for one of a view that is matched with those around it."""
 _TRIANGLE_BYTES, _SAMPLES = 12, 3
 """Least bytes of a triangle in usual files: three indices of 4 bytes; and of a pixel in a file of arrays."""
 _WINDOW = 25
@@ -103,7 +105,10 @@ def estimate_seconds(request: Request, content: Content) -> float:
     lenses, grid = _find_array(options, content)
     wanted = {"center": 1, "cross": 5, "all": grid}.get(options.views, options.views.count(";") + 1)
     larger = 1 if options.model == NO_MODEL else options.scale**2
-    written = lenses * wanted * larger * _price_pixel(options.model, catalogue.LIGHT_FIELD_DEFAULT)
+    upscaled, fused = wanted, 0.0
+    if pixels is not None and _is_matched(options, lenses):
+        upscaled, fused = min(BLOCK_SIDE**2 * wanted, grid), lenses * wanted * _FUSE
+    written = fused + lenses * upscaled * larger * _price_pixel(options.model, catalogue.LIGHT_FIELD_DEFAULT)
     if request.kind == "plane":
         written += lenses * larger * (_MATCH + grid * _SHIFT * (options.stack[2] if options.stack else 1))
     elif request.kind == "disparity":
@@ -142,12 +147,26 @@ def _find_array(options: Options, content: Content) -> tuple[float, float]:
 
 def _price_pixel(model: str, default: str) -> float:
     """Returns the seconds for an output pixel with `model`; `auto` counts as `default`, or its int8 twin."""
-    cards = {entry.name: entry.card for entry in catalogue.list_entries()}
-    card = None if model == NO_MODEL else cards.get(model, cards[catalogue.prefer_int8(default)])
-    if card is None:
+    entry = _find_entry(model, default)
+    if entry is None or entry.card is None:
         return _WRITE
-    share = _INT8_SHARE if card.precision == "int8" else 1.0
-    return _WRITE + card.macs_per_output_pixel * _MULTIPLY_ADD * share
+    share = _INT8_SHARE if entry.card.precision == "int8" else 1.0
+    return _WRITE + entry.card.macs_per_output_pixel * _MULTIPLY_ADD * share
+
+
+def _is_matched(options: Options, lenses: float) -> bool:
+    """Returns whether views of a light field may be matched with those around them, which are then upscaled too."""
+    entry = _find_entry(options.model, catalogue.LIGHT_FIELD_DEFAULT)
+    if entry is None or entry.card is None or not entry.is_light_field or options.fusion == "never":
+        return False
+    is_fused = options.fusion == "always" or lenses <= MOST_PIXELS
+    return is_fused and is_matched(options.fusion, entry.card.macs_per_output_pixel)
+
+
+def _find_entry(model: str, default: str) -> Entry | None:
+    """Returns the entry of `model`, for `auto` that of `default` or its int8 twin; None for `none`."""
+    entries = {entry.name: entry for entry in catalogue.list_entries()}
+    return None if model == NO_MODEL else entries.get(model, entries[catalogue.prefer_int8(default)])
 
 
 def measure(file: BinaryIO) -> Content:

@@ -112,6 +112,13 @@ def test_pictures_count_as_those_of_the_default_that_runs_here(monkeypatch, reas
         ({"pixels": "15x15"}, 8000, "large"),
         ({"pixels": "15x15", "views": "all", "model": "none"}, 1500, "small"),
         ({"lens_pitch": "15"}, 3900, "large"),
+        ({"pixels": "9x9", "model": "field-quality"}, 1800, "large"),
+        ({"pixels": "9x9", "model": "field-quality", "fusion": "never"}, 1800, "small"),
+        ({"pixels": "3x3", "model": "field-quality-int8"}, 945, "large"),
+        ({"pixels": "3x3", "model": "field-quality-int8"}, 990, "small"),  # too large for `auto` to fuse them
+        ({"pixels": "3x3", "model": "field", "views": "all"}, 621, "small"),
+        ({"pixels": "3x3", "model": "field", "views": "all", "fusion": "always"}, 621, "large"),
+        ({"pixels": "9x9", "model": "quality", "fusion": "always"}, 1800, "small"),
     ],
 )
 def test_elemental_image_arrays_count_by_their_views(options, side, expected):
