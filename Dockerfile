@@ -42,7 +42,7 @@ COPY --from=build /opt/ciir /opt/ciir
 ENV PATH=/opt/ciir/bin:$PATH
 # Runs the demo once. If something doesn't work, the build fails here. Python's compiled files are kept, as nothing can be
 # written there later.
-RUN export HOME=/tmp/home CIIR_FOLDER=/tmp/service CIIR_CACHE=/tmp/cache; ciir serve --port 48123 & server=$! \
+RUN export HOME=/tmp/home CIIR_FOLDER=/tmp/service; ciir serve --port 48123 & server=$! \
     && python -m ciir.service.demo.over_http http://127.0.0.1:48123 /tmp/demo \
     && kill $server && wait $server && rm -r /tmp/*
 # Files deleted from a base image still count towards its size, so the last stage starts empty.
@@ -58,8 +58,7 @@ RUN install --directory --owner=ciir --group=ciir /var/lib/ciir
 ENV PATH=/opt/ciir/bin:/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin \
     LANG=C.UTF-8 \
     PYTHONUNBUFFERED=1 \
-    CIIR_FOLDER=/var/lib/ciir \
-    CIIR_CACHE=/var/lib/ciir/cache
+    CIIR_FOLDER=/var/lib/ciir
 USER ciir
 WORKDIR /var/lib/ciir
 VOLUME /var/lib/ciir

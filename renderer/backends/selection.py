@@ -52,16 +52,10 @@ def open_backend(name: str, *, triangles: int = 0, rays: int = 0, is_see_through
 
 
 def predict_backend(name: str, *, triangles: int, rays: int, is_see_through: bool = False) -> str:
-    """Returns the name of the backend that `open_backend` would return if OpenGL works, without opening it."""
+    """Returns the name of the backend that `open_backend` returns where OpenGL works, without opening it."""
     if name != "auto":
         return name
-    cast = is_see_through or _is_cheap_to_cast(rays, triangles) or "raster" in _refused
-    return "raytrace" if cast else "raster"
-
-
-def is_backend_open(name: str) -> bool:
-    """Returns whether this process has already opened the backend."""
-    return name in _open and name not in _refused
+    return "raytrace" if is_see_through or _is_cheap_to_cast(rays, triangles) else "raster"
 
 
 def _is_cheap_to_cast(rays: int, triangles: int) -> bool:

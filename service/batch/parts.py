@@ -215,8 +215,7 @@ def _join_reports(reports: Sequence[Report], options: Options) -> Report:
     every = dict.fromkeys(reason for report in reports for reason in report["plan"]["reasons"])
     reasons = [reason for reason in every if not reason.startswith("skipped: ")]
     made = f"made in {len(reports)} parts, whose times are added up" if len(reports) > 1 else ""
-    predicted = sum(report["plan"]["predicted_ms"] for report in reports)
-    joined = {"reasons": [*reasons, *([made] if made else [])], "skipped": None, "predicted_ms": round(predicted, 3)}
+    joined = {"reasons": [*reasons, *([made] if made else [])], "skipped": None}
     return {
         **first,
         "views": [view for report in reports for view in report["views"]],

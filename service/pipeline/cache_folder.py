@@ -1,4 +1,4 @@
-"""The folder for files that `ciir` can create again."""
+"""The folder in which the service keeps its jobs by default."""
 
 from __future__ import annotations
 
@@ -7,10 +7,6 @@ from pathlib import Path
 
 NAME = "CIIR_CACHE"
 """The environment variable that names the folder."""
-COSTS = "costs.json"
-"""The file of measured costs (`service.pipeline.planning.cost`)."""
-is_read_only = False
-"""Set in worker processes, which must not write files. They keep in memory what would be kept in the folder."""
 
 
 def folder() -> Path | None:

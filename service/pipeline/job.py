@@ -64,8 +64,8 @@ class Job:
     placement: Placement
     """The placement of a mesh."""
     neighbour_time: float
-    """Most seconds, as predicted, that `auto` spends on a light-field network for which neighbouring views are
-    rendered."""
+    """Most seconds, as predicted for a typical machine, that `auto` spends on a light-field network for which
+    neighbouring views are rendered."""
     fusion: Fusion
     """Which views of a light field are fused with the upscaled views around them."""
     skip: bool

@@ -16,7 +16,6 @@ from ciir.service.pipeline.job import Job, check_kind, resolve_job
 from ciir.service.pipeline.limits import check_frame_count, check_samples, check_size
 from ciir.service.pipeline.options import NO_MODEL, RECONSTRUCTION
 from ciir.service.pipeline.planning.plan import Plan, make_plan
-from ciir.service.pipeline.planning.prediction import predict_plan
 from ciir.service.pipeline.report import Clock, Report, describe_array, find_versions, skip_reasons
 from ciir.service.pipeline.source import Content, Input, Source
 from ciir.service.pipeline.stages import moved_array
@@ -188,7 +187,6 @@ def _reconstruct(
         job = resolve_job(given.name, content, options, max_views=given.limits.views, max_pixels=max_pixels)
         job = replace(job, frames=frames)
         plan = plan or make_plan(job)
-        predicted = predict_plan(job, plan)
         views = open_source(job, plan, clock)
         given_as = {moved_array.find_place(view) if plan.moves_array else view: view for view in job.wanted}
         batches = _schedule(job, plan, views, list(given_as))
@@ -242,7 +240,6 @@ def _reconstruct(
                 *skip_reasons(skipped),
             ],
             "skipped": skipped,
-            "predicted_ms": round(predicted, 3),
         },
         "model": describe_model(plan.model, plan.scale) if upscale is not None else None,
         "options": options.as_dict(RECONSTRUCTION),

@@ -12,7 +12,6 @@ import pytest
 import yaml
 from lightkube.core.resource_registry import resource_registry
 
-from ciir.service.pipeline import cache_folder
 from ciir.service.settings import Settings
 from tests.support.paths import ROOT
 from tests.support.web import run_app
@@ -116,7 +115,7 @@ def test_variables_are_settings_and_no_other_begins_like_them():
         assert pod["enableServiceLinks"] is False  # CIIR_PORT=tcp://... and others
         drain = Settings.model_fields["drain_seconds"].default
         assert pod["terminationGracePeriodSeconds"] > drain + 5
-    assert names <= {f"CIIR_{name.upper()}" for name in Settings.model_fields} | {cache_folder.NAME}
+    assert names <= {f"CIIR_{name.upper()}" for name in Settings.model_fields}
 
 
 def test_all_run_without_rights():

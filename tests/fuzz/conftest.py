@@ -16,7 +16,7 @@ def hostile_server(tmp_path_factory):
     """
     folder = tmp_path_factory.mktemp("hostile")
     limits = {"CIIR_MAX_OUTPUT_PIXELS": "10000000"}
-    with run_server(folder / "log", CIIR_CACHE=str(folder / "cache"), **limits) as server:
+    with run_server(folder / "log", CIIR_FOLDER=str(folder / "service"), **limits) as server:
         yield server
     log = (folder / "log").read_text()
     assert "Traceback" not in log, log

@@ -166,7 +166,7 @@ def main() -> int:
     host = "127.0.0.1"
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder, "log")
-        with run_server(log, CIIR_FOLDER=f"{folder}/service", CIIR_CACHE=folder) as server:
+        with run_server(log, CIIR_FOLDER=f"{folder}/service") as server:
             options = {name: getattr(given, name) for name in ("inputs", "seconds", "connections", "seed")}
             answers = attack(host, server.port, **options)
             with closing(http.client.HTTPConnection(host, server.port, timeout=ANSWER_SECONDS)) as connection:

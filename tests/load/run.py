@@ -254,9 +254,7 @@ def main(argv: list[str] | None = None) -> int:
         folder = Path(name)
 
         def run() -> Iterator[Line]:
-            with run_server(
-                given.log or folder / "log", CIIR_FOLDER=str(folder / "jobs"), CIIR_CACHE=str(folder / "cache")
-            ) as server:
+            with run_server(given.log or folder / "log", CIIR_FOLDER=str(folder / "jobs")) as server:
                 yield from measure_load(server, given.requests, given.connections, given.seconds, folder)
                 yield from measure_single(server)
             yield from compare_answers(folder, processes=2)

@@ -67,7 +67,7 @@ class Services:
     """The processes of a service. A context, in which they run."""
 
     def __init__(self, queue: str, folder: Path, port: int) -> None:
-        environment = {"CIIR_FOLDER": str(folder / "service"), "CIIR_CACHE": str(folder / "cache")}
+        environment = {"CIIR_FOLDER": str(folder / "service")}
         self.redis = RedisServer() if queue == "redis" else None
         serve = ("serve", "--port", str(port))
         if self.redis is None:

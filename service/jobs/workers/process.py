@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 from ciir.cores import read_quota
 from ciir.model_folder import find_model_folder
 from ciir.service.jobs.workers.sandbox import restrictions
-from ciir.service.pipeline import cache_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -55,13 +54,9 @@ def main(parent: int, limits: dict[str, Any]) -> None:
     """Runs tasks until the process `parent` closes the socket."""
     channel = Channel(os.dup(0))
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
-    cache = cache_folder.folder()
-    cache_folder.is_read_only = True
     read_quota()  # the sandbox hides it
-    readable = [] if cache is None else [str(cache / cache_folder.COSTS)]
-    if (own := find_model_folder()) is not None:
-        readable.append(str(own))
-    restrictions.enter(limits["memory"], limits["file"], parent, readable)
+    own = find_model_folder()
+    restrictions.enter(limits["memory"], limits["file"], parent, [] if own is None else [str(own)])
 
     from ciir.service.jobs.workers.task import TaskLimits, warm_up
 

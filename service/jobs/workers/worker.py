@@ -34,7 +34,7 @@ LOG_LINES, LINE_BYTES = 200, 1000
 """Most lines that a worker process can write to the log, and most bytes of each."""
 _CHUNK = 1 << 16
 KEPT_VARIABLES = (
-    "CIIR_CACHE", "CUDA_", "DRI_", "EGL_", "GALLIUM_", "HOME", "LANG", "LC_", "LD_LIBRARY_PATH", "LIBGL_", "LP_",
+    "CUDA_", "DRI_", "EGL_", "GALLIUM_", "HOME", "LANG", "LC_", "LD_LIBRARY_PATH", "LIBGL_", "LP_",
     "MALLOC_", "MESA_", "NVIDIA_", "OMP_", "OPENBLAS_", "PATH", "PYOPENGL_", "PYTHON", "TZ", "XDG_CACHE_HOME", "__EGL_",
 )  # fmt: skip
 """Prefixes of the environment variables that a worker process gets. No other variable is passed to it."""

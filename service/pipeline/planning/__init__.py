@@ -1,1 +1,1 @@
-"""Decides how a job is done: its strategy, backend and model, based on the predicted cost of each."""
+"""Decides how a job is done: its strategy and model, by times that are predicted for a typical machine."""

@@ -40,8 +40,8 @@ def select_model(job: Job) -> Selection:
     If there is a reason against it, `auto` takes the default single-picture network. Both are int8 networks if the
     processor supports them. For a light-field network a mesh is rendered through a lens array that is moved
     (`service.pipeline.stages.moved_array`), or else the neighbouring views are rendered: `auto` does the first of these
-    that is predicted to make the job, or each frame of a video, at most `job.neighbour_time` longer. If views can't
-    help each other, the default single-picture network replaces a light-field network.
+    that is predicted to make the job, or each frame of a video, at most `job.neighbour_time` longer on a typical
+    machine. If views can't help each other, the default single-picture network replaces a light-field network.
     """
     if job.model == NO_MODEL:
         return Selection(NO_MODEL)
@@ -153,7 +153,7 @@ def _judge_moving(job: Job, mesh: Scene, light_field: Entry, single: Entry) -> t
     is_over = job.max_pixels is not None and samples > job.max_pixels
     if not can_run or not bound or is_over or not is_possible(job.array, job.samples):
         return False, ""
-    extra = predict_extra(job, mesh, light_field, single, moves_array=True, bound=bound)
+    extra = predict_extra(job, mesh, light_field, single, moves_array=True)
     if extra > bound:
         return False, ""
     rendered = f"; each view is rendered through the lens array at {WINDOW_SIDE}x{WINDOW_SIDE} positions"
@@ -175,7 +175,7 @@ def _judge_neighbours(job: Job, mesh: Scene, light_field: Entry, single: Entry) 
     bound = 1000 * job.neighbour_time
     if not bound:
         return f"{light_field.name} would need {neighbours} more views rendered, and neighbour_time 0 allows none", ""
-    extra = predict_extra(job, mesh, light_field, single, moves_array=False, bound=bound)
+    extra = predict_extra(job, mesh, light_field, single, moves_array=False)
     times = _compare(job, extra, single, bound)
     if extra > bound:
         return f"{light_field.name} would need {neighbours} more views rendered around those asked for: {times}", ""
@@ -184,7 +184,8 @@ def _judge_neighbours(job: Job, mesh: Scene, light_field: Entry, single: Entry) 
 
 def _compare(job: Job, extra: float, single: Entry, bound: float) -> str:
     each = "" if job.frames == 1 else " for each frame"
-    return f"about {extra:.0f} ms more than {single.name} alone{each}, and neighbour_time allows {bound:.0f} ms"
+    times = f"about {extra:.0f} ms more than {single.name} alone{each} on a typical machine"
+    return f"{times}, and neighbour_time allows {bound:.0f} ms"
 
 
 def _count_excess(job: Job, neighbours: int) -> int:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ciir.errors import BackendUnavailable, UnsupportedScale
+from ciir.errors import UnsupportedScale
 from ciir.models import catalogue
 from ciir.models.light_field.fusion.views import explain_no_fusion
 from ciir.models.light_field.windows import WINDOW_SIDE
-from ciir.renderer import backends
 from ciir.renderer.sampling import LENSLET_SAMPLES
 from ciir.service.pipeline.limits import MAX_VIEW_SAMPLES
 from ciir.service.pipeline.options import AUTO, NO_MODEL, Options
-from ciir.service.pipeline.planning import cost
 from ciir.service.pipeline.planning.model_selection import select_model
 from ciir.service.pipeline.planning.prediction import predict_times
 from ciir.service.pipeline.stages.moved_array import find_cell_side
@@ -135,10 +132,7 @@ def _check_scale(job: Job, model: Entry) -> None:
 
 
 def _select_strategy(job: Job) -> tuple[Strategy, str]:
-    """Selects the strategy for `auto`, and says why: of the possible ones, the one predicted to be faster.
-
-    OpenGL is started only if the faster strategy would start it. If it does not work, ray tracing is predicted instead.
-    """
+    """Selects the strategy for `auto`, and says why: of the possible ones, the one predicted to be faster."""
     mesh = job.mesh
     if job.model == NO_MODEL:
         return "upscale", "the model is none, so nothing is upscaled"
@@ -163,16 +157,7 @@ def _select_strategy(job: Job) -> tuple[Strategy, str]:
         return "direct", f"direct, as {model.unsupported_reason}"
     predicted = predict_times(job, mesh, model, rays, moves_array=selected.moves_array)
     taken = min(predicted, key=predicted.__getitem__)
-    backend = backends.predict_backend(
-        job.backend, triangles=mesh.triangles, rays=rays[taken], is_see_through=mesh.is_see_through
-    )
-    if backend == "raster" and not backends.is_backend_open("raster"):
-        with suppress(BackendUnavailable):  # `predict_backend` then predicts ray tracing
-            backends.open_backend("raster")
-        predicted = predict_times(job, mesh, model, rays, moves_array=selected.moves_array)
-        taken = min(predicted, key=predicted.__getitem__)
-    names = {"upscale": f"upscale by {name}", "direct": "direct"}
     (other,) = predicted.keys() - {taken}
-    reason = f"{names[taken]} should take {predicted[taken]:.1f} ms here, {names[other]} {predicted[other]:.1f} ms"
-    not_kept = cost.costs().not_kept
-    return taken, reason + (f"; the measurements behind this could not be kept: {not_kept}" if not_kept else "")
+    names = {"upscale": f"upscale by {name}", "direct": "direct"}
+    times = f"{predicted[taken]:.1f} ms on a typical machine, {names[other]} {predicted[other]:.1f} ms"
+    return taken, f"{names[taken]} should take {times}"

@@ -1,21 +1,22 @@
-"""Predicts how long a job takes with each strategy and network."""
+"""Predicts how long rendering and upscaling take with each strategy and network, for `auto`.
+
+The model is fixed: milliseconds on two cores of an EPYC with int8 instructions and OpenGL by Mesa, once everything has
+started. Nothing is measured, and nothing counts that differs from one machine to the next, such as cores, instructions,
+load, and whether OpenGL works. So a job is done in the same way everywhere. Reading and writing, which take the same
+time in all ways, are left out.
+"""
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.models import catalogue
-from ciir.models.light_field.fusion.views import list_block
 from ciir.models.light_field.windows import list_required_views
 from ciir.renderer import backends
+from ciir.renderer.backends import culling
 from ciir.renderer.framing import CLEARANCE, FILL
-from ciir.service.pipeline.options import NO_MODEL
-from ciir.service.pipeline.planning import cost
 from ciir.service.pipeline.stages.moved_array import count_cells, count_samples
-from ciir.service.pipeline.stages.schedule import batch_size
 
 if TYPE_CHECKING:
     from ciir.models.cards import Card
@@ -25,15 +26,16 @@ if TYPE_CHECKING:
     from ciir.renderer.scene import Scene
     from ciir.service.pipeline.job import Job
     from ciir.service.pipeline.limits import Strategy
-    from ciir.service.pipeline.planning.cost import Costs
-    from ciir.service.pipeline.planning.plan import Plan
 
+MAC_MS = 2.5e-9
+"""Cost of a network's multiply-add in int8. In float it takes about twice as long, which doesn't count, because `auto`
+takes float networks only where a processor has no int8 instructions."""
+INTERPOLATION_MS = 1e-4
+"""Cost of interpolating an input pixel."""
 CUT_MS = 4e-5
 """Cost of each cell of a moved lens array, whose pictures are cut out of one rendering."""
-FUSION_MS = 6e-4
-"""Cost of each pixel of a view that is fused, besides the views around it."""
-UNSURE = 3.0
-"""Within this factor of a bound, typical costs don't decide; this machine is measured instead."""
+PLACE_MS, LOOK_MS, HIT = 4e-5, 1.3e-5, 1.25
+"""Culling: cost for each triangle, and for each triangle in each view; triangles that remain for each ray."""
 
 
 def count_rendered(job: Job) -> int:
@@ -44,110 +46,64 @@ def count_rendered(job: Job) -> int:
 def predict_times(
     job: Job, mesh: Scene, model: Entry, rays: dict[Strategy, int], *, moves_array: bool
 ) -> dict[Strategy, float]:
-    """Returns the milliseconds from the mesh to encoded views for each strategy, with `rays` rays for each view.
+    """Returns the milliseconds of each strategy, with `rays` rays for each view.
 
     `moves_array`: whether views are rendered through a moved lens array in place of their neighbours.
     """
-    costs, wanted = cost.costs(), len(job.wanted)
     return {
-        "upscale": _predict_with_model(job, mesh, model, rays["upscale"], costs=costs, moves_array=moves_array),
-        "direct": _total(job, [_predict_rendering(job, mesh, rays["direct"], wanted, costs)], job.scale),
+        "upscale": _predict_with_model(job, mesh, model, rays["upscale"], moves_array=moves_array),
+        "direct": _predict_rendering(job, mesh, rays["direct"], len(job.wanted)),
     }
 
 
-def predict_plan(job: Job, plan: Plan) -> float:
-    """Predicts the milliseconds from the opened input to encoded views, for all frames together.
-
-    Nothing is measured for it: typical costs are used for anything not known about this machine. Views that turn out to
-    look filtered, and are fused, are not foreseen.
-    """
-    costs, wanted, pixels = cost.costs(measure=False), job.wanted, job.array.rows * job.array.cols
-    stages: list[cost.Stage] = []
-    if job.mesh is not None:
-        side = plan.samples * (plan.scale if plan.strategy == "direct" else 1)
-        rays = pixels * (job.samples if plan.moves_array else side) ** 2
-        rendered = count_rendered(job) if plan.is_light_field and not plan.moves_array else len(wanted)
-        stages.append(_predict_rendering(job, job.mesh, rays, rendered, costs, moves_array=plan.moves_array))
-    if plan.model != NO_MODEL:
-        stage = _predict_upscaling(job, catalogue.get_entry(plan.model), costs)
-        if plan.fusion == "always" or (plan.fusion == "auto" and plan.is_jpeg):
-            upscaled = {other for view in wanted for other in list_block(view, job.grid)}
-            ms = stage.views * len(upscaled) / len(wanted) + len(wanted) * pixels * FUSION_MS
-            stage = stage._replace(views=ms)
-        stages.append(stage)
-    return _total(job, stages, plan.scale) * job.frames
-
-
-def predict_extra(
-    job: Job, mesh: Scene, light_field: Entry, single: Entry, *, moves_array: bool, bound: float
-) -> float:
+def predict_extra(job: Job, mesh: Scene, light_field: Entry, single: Entry, *, moves_array: bool) -> float:
     """Predicts how many milliseconds more the views of `mesh` take with the network `light_field` than with `single`.
 
-    That includes rendering the neighbouring views. Typical costs, which need no measurement, are used if they are
-    certain to put the result over `bound` milliseconds, or under it.
+    That includes rendering the neighbouring views.
     """
     rays = job.array.rows * job.array.cols * job.samples**2
-    extra = 0.0
-    for measure in (False, True):
-        costs = cost.costs(measure=measure)
-        taken = (
-            _predict_with_model(job, mesh, model, rays, costs=costs, moves_array=moves_array)
-            for model in (light_field, single)
-        )
-        extra = next(taken) - next(taken)
-        if not bound / UNSURE < extra < bound * UNSURE:
-            break
-    return max(0.0, extra)
+    taken = _predict_with_model(job, mesh, light_field, rays, moves_array=moves_array)
+    return max(0.0, taken - _predict_with_model(job, mesh, single, rays, moves_array=False))
 
 
-def _predict_with_model(job: Job, mesh: Scene, model: Entry, rays: int, *, costs: Costs, moves_array: bool) -> float:
+def _predict_with_model(job: Job, mesh: Scene, model: Entry, rays: int, *, moves_array: bool) -> float:
     """Predicts the milliseconds of the job if `model` upscales its views."""
-    moves_array = moves_array and model.is_light_field
-    rendered = count_rendered(job) if model.is_light_field and not moves_array else len(job.wanted)
-    rendering = _predict_rendering(job, mesh, rays, rendered, costs, moves_array=moves_array)
-    return _total(job, [rendering, _predict_upscaling(job, model, costs)], job.scale)
+    views = count_rendered(job) if model.is_light_field and not moves_array else len(job.wanted)
+    upscaled = len(job.wanted) * _predict_upscaling(job, mesh, model)
+    return _predict_rendering(job, mesh, rays, views, moves_array=moves_array) + upscaled
 
 
-def _predict_upscaling(job: Job, model: Entry, costs: Costs) -> cost.Stage:
+def _predict_upscaling(job: Job, mesh: Scene, model: Entry) -> float:
+    """Predicts the milliseconds of one view."""
     pixels = job.array.rows * job.array.cols
-    if job.mesh is not None and model.card and job.skip:
-        pixels = round(pixels * _predict_share(job.mesh, job.array, job.placement, model.card))
-    batches = _count_batches(job, job.scale)
-    return costs.upscaling(model.name, job.scale, pixels=pixels, views=len(job.wanted), batches=batches)
+    if model.card is None:
+        return pixels * INTERPOLATION_MS
+    share = _predict_share(mesh, job.array, job.placement, model.card) if job.skip else 1.0
+    return share * pixels * job.scale**2 * model.card.macs_per_output_pixel * MAC_MS
 
 
-def _predict_rendering(
-    job: Job, mesh: Scene, rays: int, views: int, costs: Costs, *, moves_array: bool = False
-) -> cost.Stage:
-    """Predicts the cost of `views` views of `rays` rays each.
+def _predict_rendering(job: Job, mesh: Scene, rays: int, views: int, *, moves_array: bool = False) -> float:
+    """Predicts the milliseconds of `views` views of `rays` rays each.
 
-    A moved lens array takes more rays, by the same backend, and its pictures are cut out of the rendering.
+    They are linear in triangles and texels, which are prepared once, and for each view in rays, which cost more on
+    textured triangles, and with OpenGL in triangles. A moved lens array takes more rays, by the same backend, and its
+    pictures are cut out of the rendering.
     """
+    triangles, ms = mesh.triangles, 0.0
+    backend = backends.predict_backend(job.backend, triangles=triangles, rays=rays, is_see_through=mesh.is_see_through)
+    if moves_array:
+        rays = count_samples(job.array, job.samples)
+        ms += views * count_cells(job.array) * CUT_MS
+    if job.skip and culling.is_worthwhile(backend, triangles=triangles, rays=rays, views=views):
+        ms += triangles * (PLACE_MS + views * LOOK_MS)
+        triangles = min(triangles, round(HIT * views * rays))
     textures = [(part.texture, len(part.faces)) for part in mesh.parts if part.texture]
-    stage = costs.rendering(
-        cost.Rendering(
-            backends.predict_backend(
-                job.backend, triangles=mesh.triangles, rays=rays, is_see_through=mesh.is_see_through
-            ),
-            triangles=mesh.triangles,
-            rays=count_samples(job.array, job.samples) if moves_array else rays,
-            views=views,
-            texels=sum(texture.pixels[..., 0].size for texture, _ in textures),
-            textured=sum(triangles for _, triangles in textures) / mesh.triangles,
-            culls=job.skip,
-        )
-    )
-    return stage._replace(views=stage.views + views * count_cells(job.array) * CUT_MS) if moves_array else stage
-
-
-def _total(job: Job, stages: list[cost.Stage], scale: int) -> float:
-    """Returns the milliseconds of the job, given its stages before views are written."""
-    written = len(job.wanted) * job.array.rows * job.array.cols * scale**2
-    return cost.total(stages, written, _count_batches(job, scale))
-
-
-def _count_batches(job: Job, scale: int) -> int:
-    return math.ceil(len(job.wanted) / batch_size(job.array.rows * job.array.cols * scale**2))
+    textured = sum(faces for _, faces in textures) / mesh.triangles
+    if backend == "raytrace":
+        return ms + 0.28 + 3.3e-4 * triangles + views * (0.046 + rays * (8.4e-5 + 8.8e-5 * textured))
+    texels = sum(texture.pixels[..., 0].size for texture, _ in textures)
+    once = 1.0 + 9e-6 * triangles + 1e-5 * texels
+    return ms + once + views * (0.14 + 1.1e-4 * triangles + rays * (2.2e-5 + 7e-6 * textured))
 
 
 def _predict_share(mesh: Scene, array: LensArray, placement: Placement, card: Card) -> float:

@@ -97,8 +97,6 @@ class Plan(TypedDict):
     """For a mesh: samples along each side of a lens's cell."""
     model: str
     scale: int
-    predicted_ms: NotRequired[float]
-    """Only for a reconstruction: the estimate of `timings_ms.total`."""
     reasons: list[str]
     skipped: Skipped | None
 

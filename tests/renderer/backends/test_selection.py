@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from ciir.errors import BackendUnavailable, InvalidOption
-from ciir.renderer.backends import is_backend_open, open_backend, predict_backend, selection
+from ciir.renderer.backends import open_backend, predict_backend, selection
 from tests.support.backends import require_backend
 
 
@@ -29,7 +29,8 @@ def test_a_refusal_keeps_no_caller_alive():
 @pytest.mark.usefixtures("no_opengl")
 def test_auto_names_its_reason():
     made, reason = open_backend("auto", triangles=1, rays=1 << 20)
-    assert made.name == predict_backend("auto", triangles=1, rays=1 << 20) == "raytrace"
+    assert made.name == "raytrace"
+    assert predict_backend("auto", triangles=1, rays=1 << 20) == "raster"  # which every machine plans with
     assert "no display" in reason
 
 
@@ -42,7 +43,6 @@ def test_auto_casts_rays_where_materials_are_see_through():
 
 def test_auto_counts_rays_and_triangles():
     require_backend("raster")
-    assert is_backend_open("raster")
     few = selection.FEW_RAYS
     for triangles, rays, expected in (
         (10, few, "raytrace"),
@@ -63,7 +63,7 @@ def test_unknown_backend():
 FORKING = """
 import os, sys
 from ciir.errors import BackendUnavailable
-from ciir.renderer.backends import is_backend_open, open_backend
+from ciir.renderer.backends import open_backend
 rays = {"triangles": 1, "rays": 1 << 20}
 assert open_backend("auto", **rays)[0].name == "raster"
 child = os.fork()
@@ -72,7 +72,7 @@ if child:
     assert open_backend("auto", **rays)[0].name == "raster"
     sys.exit(os.waitstatus_to_exitcode(status))
 made, reason = open_backend("auto", **rays)
-print(made.name, is_backend_open("raster"), reason, flush=True)
+print(made.name, reason, flush=True)
 try:
     open_backend("raster")
 except BackendUnavailable as error:
@@ -85,6 +85,6 @@ def test_opengl_is_refused_in_a_process_that_was_forked_after_its_start():
     require_backend("raster")
     done = subprocess.run([sys.executable, "-c", FORKING], capture_output=True, text=True, timeout=60, check=True)  # noqa: S603 - our own code
     automatic, asked = done.stdout.splitlines()
-    assert automatic.startswith("raytrace False raytrace: ")
+    assert automatic.startswith("raytrace raytrace: ")
     assert asked.startswith("OpenGL was started before this process was forked")
     assert "spawn" in automatic

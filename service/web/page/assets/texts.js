@@ -257,8 +257,6 @@ export const SENTENCES = {
   time: (milliseconds) => (milliseconds < 9950 ? `${Math.round(milliseconds)} ms` : `${(milliseconds / 1000).toFixed(1)} s`),
   /** @param {string} time @param {boolean} wasDone Whether the job was done before it was requested. */
   done: (time, wasDone) => `Done in ${time}${wasDone ? ", from an earlier run" : ""}`,
-  /** @param {string} measured @param {string} predicted */
-  estimate: (measured, predicted) => `It took ${measured}; the estimate was ${predicted}. Stages overlap.`,
   /**
    * @param {string} name
    * @param {string} value

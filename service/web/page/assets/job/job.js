@@ -271,9 +271,7 @@ export function showReport(status) {
       make("li", [make("i", "", { class: `stage-${stage}` }), make("span", `${STAGES[stage]} ${SENTENCES.time(Number(time))}`)]),
     ),
   );
-  const { predicted_ms: predicted } = plan ?? {};
-  const estimate = predicted && timings.total ? [SENTENCES.estimate(SENTENCES.time(timings.total), SENTENCES.time(predicted))] : [];
-  const remarks = [...estimate, ...found, ...(plan?.reasons ?? [])].map((remark) => make("li", String(remark)));
+  const remarks = [...found, ...(plan?.reasons ?? [])].map((remark) => make("li", String(remark)));
   find("remarks", HTMLElement).replaceChildren(...remarks);
   details.hidden = false;
 }

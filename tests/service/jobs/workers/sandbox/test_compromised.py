@@ -97,7 +97,6 @@ def test_a_compromised_worker_reaches_nothing_else(folder, user):
     setup = become_nobody(folder) if user == "nobody" else ""
     environment = SECRETS | {
         "CIIR_FOLDER": str(folder / "service"),
-        "CIIR_CACHE": str(folder / "cache"),
         "CIIR_WORKERS": "2",
         "HOME": str(folder),
         "PYTHONPATH": os.pathsep.join([str(folder / "site"), str(ROOT)]),
