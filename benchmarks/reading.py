@@ -25,7 +25,7 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import inputs, pictures
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.layout import Layout
-from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.file_writer import FileWriter
 from ciir.renderer.writers.options import WriterOptions
 from ciir.renderer.writers.writer import Contents
 

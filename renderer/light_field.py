@@ -162,16 +162,16 @@ class LightField:
 
         A picture (`.png`, `.tif`, `.jpg`) is the elemental image array, except for a display if the options or a
         quilt's name (`NAME_qs8x6a0.75.png`) ask for that; a name without a suffix is a folder of views. `options` are
-        those of `ciir.renderer.writers.options.WriterOptions`. `progress(done, total)` counts views, then the file.
+        those of `ciir.renderer.writers.options.FormatOptions`. `progress(done, total)` counts views, then the file.
 
         Returns notes on what the format doesn't hold, or holds in another way. Raises `InvalidOption` if `path` can't
         be written or the format can't hold the light field.
         """
         from ciir.renderer.writers.atomic_write import read_path
-        from ciir.renderer.writers.options import WriterOptions
+        from ciir.renderer.writers.options import FormatOptions
         from ciir.renderer.writers.views import save_light_field
 
-        given = WriterOptions.convert(options)
+        given = FormatOptions.convert(options)
         return save_light_field(self, read_path(path), format, given, progress or ignore_progress)
 
     def _repr_png_(self) -> bytes:

@@ -27,7 +27,8 @@ from ciir.errors import (
     Unreadable,
 )
 from ciir.renderer.writers.atomic_write import replacing
-from ciir.renderer.writers.formats import BY_SUFFIX, FORMATS
+from ciir.renderer.writers.file_types import index_suffixes
+from ciir.renderer.writers.formats import BY_SUFFIX
 from ciir.renderer.writers.options import TEXT_FILES, read_text
 from ciir.service.errors import find_class
 from ciir.service.pipeline.options import FILE_TYPES, KINDS, write_texts
@@ -82,13 +83,12 @@ class Result:
         is_folder, path = str(path).endswith("/"), Path(path)
         if is_folder or path.is_dir():
             path /= self.name
-        own = FORMATS[self.format].suffixes if self.format in FORMATS else (FILE_TYPES[self.format].suffix,)
+        own = FILE_TYPES[self.format].suffixes
         suffix = path.suffix.lower()
-        others = {kind.suffix: name for name, kind in reversed(FILE_TYPES.items())}
-        others |= {suffix: entry.name for suffix, entry in BY_SUFFIX.items()}
+        others = index_suffixes(FILE_TYPES.values()) | BY_SUFFIX
         if suffix in others and suffix not in own:
             raise InvalidOption(
-                f"{path}: the result is {self.format}; name it {own[0]}, or ask for format={others[suffix]!r}"
+                f"{path}: the result is {self.format}; name it {own[0]}, or ask for format={others[suffix].name!r}"
             )
         with replacing(path) as file:
             file.write(self.content)
@@ -365,7 +365,7 @@ def read_result(response: httpx2.Response) -> Result:
         parts = [part.split(";dur=") for part in response.headers.get("server-timing", "").split(", ") if part]
         file = Path(response.headers["content-disposition"].rstrip('"').rpartition('"')[2])
         timings = {stage: float(ms) for stage, ms in parts}
-        formats = {kind.suffix: name for name, kind in reversed(FILE_TYPES.items())}  # the first one of several
+        format_ = index_suffixes(FILE_TYPES.values())[file.suffix].name
         id_ = response.headers["etag"].removeprefix("W/").strip('"').partition("-")[0]
         notes = tuple(_check(json.loads(response.headers.get("x-notes", "[]")), list))
-        return Result(id_, response.content, formats[file.suffix], timings, file.name, notes)
+        return Result(id_, response.content, format_, timings, file.name, notes)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ciir.renderer.writers.atomic_write import replacing
+from ciir.renderer.writers.file_writer import FileWriter
 from ciir.renderer.writers.folder import FolderWriter
-from ciir.renderer.writers.formats import BY_SUFFIX, BY_SUFFIX_OF_TIMES, FileWriter, check_options
+from ciir.renderer.writers.formats import BY_SUFFIX, BY_SUFFIX_OF_TIMES, check_options
 from ciir.service.pipeline import run
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def write_file(
     """
     suffix = path.suffix.lower()
     formats = BY_SUFFIX_OF_TIMES if options.moments else BY_SUFFIX
-    given = name or formats[suffix].name, replace(options.make_writer_options(suffix), name=path.name)
+    given = name or formats[suffix].name, options.make_writer_options(suffix, path.name)
     with replacing(path) as file, FileWriter(file, *given) as writer:
         return run.reconstruct(source, options, writer, progress=progress)
 
@@ -40,6 +40,6 @@ def write_folder(
 
     Raises the same errors as `write_file`.
     """
-    check_options(options.make_writer_options(), (), "a folder of views")
+    check_options(options, (), "a folder of views")
     with FolderWriter(path, given) as writer:
         return run.reconstruct(source, options, writer, progress=progress)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ciir.benchmarks.bench.work import SCALE, reconstruct_views
 from ciir.models import catalogue
-from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.file_writer import FileWriter
 from ciir.service.pipeline.run import reconstruct
 
 if TYPE_CHECKING:

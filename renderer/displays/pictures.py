@@ -24,7 +24,7 @@ from ciir.renderer.displays.light_fields import (
 )
 from ciir.renderer.displays.panel import Conversion, resample_panel
 from ciir.renderer.displays.prints import PRINT, make_calibration
-from ciir.renderer.displays.quilt import parse_grid, parse_name
+from ciir.renderer.displays.quilt import parse_grid
 from ciir.renderer.levels import note_raising
 from ciir.renderer.limits import DEFAULT_LIMITS
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from ciir.renderer.displays.quilt import QuiltLayout, QuiltName
     from ciir.renderer.light_field import LightField
     from ciir.renderer.readers.pictures import Pixels
-    from ciir.renderer.writers.options import WriterOptions
+    from ciir.renderer.writers.options import FormatOptions
 
 Kind = Literal["quilt", "lenticular", "panel"]
 Target = Quilt | Calibration | IntegralDisplay
@@ -42,7 +42,7 @@ USES: dict[Kind, tuple[str, ...]] = {
     "lenticular": ("calibration", *PRINT, "disparity"),
     "panel": ("display", "conversion", "disparity"),
 }
-"""Kinds of pictures for displays, and the names of the `WriterOptions` that each uses."""
+"""Kinds of pictures for displays, and the names of the `FormatOptions` that each uses."""
 NATIVE_VIEWS = 48
 """Number of views that a light field with fewer is given for a native picture."""
 BLACK = "alpha: the views are placed on a black background"
@@ -62,31 +62,30 @@ class DisplayPicture:
     """Pixels per inch, if known; a quilt's are not."""
 
 
-def find_kind(options: WriterOptions) -> Kind:
+def find_kind(options: FormatOptions) -> Kind:
     """Returns the kind of picture that the options are for."""
     return "panel" if options.display else "lenticular" if options.calibration or describes_print(options) else "quilt"
 
 
-def describes_print(options: WriterOptions) -> bool:
+def describes_print(options: FormatOptions) -> bool:
     """Returns whether any option that describes a print is given."""
     return any(getattr(options, name) for name in PRINT)
 
 
 def find_target(
     kind: Kind,
-    options: WriterOptions,
+    options: FormatOptions,
     *,
     named: QuiltName | None = None,
     max_pixels: int = DEFAULT_LIMITS.pixels,
 ) -> Target:
-    """Returns the display that `options` describe. `named`: the layout in a quilt's name, by default that in `options`.
+    """Returns the display that `options` describe. `named`: the layout in a quilt's name.
 
     Raises `InvalidOption` if the description is missing or wrong, and the errors of `make_calibration`,
     `parse_calibration` and `parse_display`.
     """
     if kind == "quilt":
         grid = parse_grid(options.quilt) if options.quilt else None
-        named = named or parse_name(options.name)
         return resolve_quilt(named=named, device=options.device or None, grid=grid, aspect=options.aspect)
     if kind == "lenticular" and describes_print(options):
         if options.calibration:
@@ -130,7 +129,7 @@ def find_size(
 def show_light_field(
     light_field: LightField,
     target: Target,
-    options: WriterOptions,
+    options: FormatOptions,
     *,
     max_pixels: int = DEFAULT_LIMITS.pixels,
     progress: Progress = ignore_progress,
@@ -148,7 +147,7 @@ def show_light_field(
     if unused:
         light_field = replace(light_field, views=raise_levels(light_field.views, unused))
     height, width = light_field.views.shape[2:4]
-    pixel_aspect, disparity = light_field.pixel_aspect, options.disparity
+    pixel_aspect, disparity = light_field.pixel_aspect, options.disparity or 0.0
     own = round(width / height * pixel_aspect, 12)  # gives a quilt the aspect that was read, to the last digit
     first_notes = *note_raising("display", unused), *((BLACK,) if light_field.is_transparent() else ())
     if isinstance(target, Quilt):

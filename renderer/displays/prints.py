@@ -13,7 +13,7 @@ from ciir.renderer.displays.screen import FIELD_OF_VIEW
 from ciir.renderer.limits import DEFAULT_LIMITS
 
 PRINT = ("print", "lpi", "dpi", "view_distance", "view_angle")
-"""The names of the `WriterOptions` that describe a print."""
+"""The names of the `FormatOptions` that describe a print."""
 REMEDY = "give another print, lpi or dpi"
 _PER_INCH = {"in": 1.0, "mm": 25.4}
 _SPAN = 0.1, 10_000

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 class ZipWriter(Writer):
     """Writes the PNGs and `report.json` into a zip. PNGs are stored as they are: they don't shrink any further."""
 
-    def __init__(self, file: IO[bytes]) -> None:
+    def __init__(self, file: IO[bytes], *_: object) -> None:
         self._zip = zipfile.ZipFile(file, "w", zipfile.ZIP_STORED)
 
     def begin(self, contents: Contents) -> None:
@@ -48,7 +48,7 @@ class ZipWriter(Writer):
 class NpzWriter(Writer):
     """Writes `views` (n, H, W, C), `positions` (n, 2) as (v, u) and `report` (JSON text), view by view."""
 
-    def __init__(self, file: IO[bytes]) -> None:
+    def __init__(self, file: IO[bytes], *_: object) -> None:
         self._zip = zipfile.ZipFile(file, "w", zipfile.ZIP_STORED)
         self._count = 0
         self._positions: list[tuple[int, int]] = []

@@ -1,168 +1,94 @@
 """The registry of formats that store views in one file.
 
-Picture formats come from `renderer.writers.pictures.registry`. A format for several views is a module with its
-`Writer`, and a line in `FORMATS`; one for whole light fields is a `WholeWriter` in `renderer/writers/containers`.
+A format is its line in `FORMATS`, and a `Writer` in the module that the line names. Picture formats have theirs in
+`renderer.writers.pictures.registry`, and disparity maps in `renderer.writers.depth.maps`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from importlib import import_module
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
 from ciir.renderer.displays.pictures import USES, describes_print, find_kind
 from ciir.renderer.displays.quilt import parse_name
 from ciir.renderer.readers.names import is_eslf
 from ciir.renderer.writers import pictures
-from ciir.renderer.writers.archives import NpzWriter, ZipWriter
-from ciir.renderer.writers.html import HtmlWriter
-from ciir.renderer.writers.options import OF_FILE, WriterOptions
-from ciir.renderer.writers.writer import Writer
+from ciir.renderer.writers.file_types import BINARY, FileType, index_suffixes
+from ciir.renderer.writers.options import FormatOptions
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
     from pathlib import PurePath
 
     from ciir.renderer.displays.pictures import Kind
-    from ciir.renderer.readers.pictures import Pixels
-    from ciir.renderer.views import View
-    from ciir.renderer.writers.writer import Contents
-
-
-class SingleWriter(Writer):
-    """Writes one view into a binary file. A picture holds no report."""
-
-    def __init__(self, file: IO[bytes], picture: pictures.PictureFormat, options: WriterOptions) -> None:
-        self._file, self._picture, self._options = file, picture, options
-
-    def begin(self, contents: Contents) -> None:
-        """Refuses more than one view, and pixels that the format can't hold."""
-        contents.refuse_times(self._picture.name)
-        count = len(contents.views)
-        if count != 1:
-            folder = "a folder (a name without a suffix), " if self._options.name else ""
-            raise InvalidOption(
-                f"format: {self._picture.name} holds one view and {count} are asked for; give {folder}zip or npz, or "
-                "one view"
-            )
-        self._picture.encode(contents.sample)
-
-    def write(self, view: View, pixels: Pixels) -> str:
-        """Writes the picture."""
-        self._file.write(self._picture.encode(pixels))
-        return f"view_{view[0]:02d}_{view[1]:02d}{self._picture.suffixes[0]}"
-
-    def finish(self, report: dict[str, Any]) -> None:
-        """Adds nothing."""
 
 
 @dataclass(frozen=True)
-class Format:
+class Format(FileType):
     """A format of one file."""
 
-    name: str
-    suffixes: tuple[str, ...]
-    """Suffixes of file names, in lower case; the first is the usual one."""
-    media_type: str
-    open: Callable[[IO[bytes], WriterOptions], Writer]
-    """Function that makes a writer to a binary file."""
+    writer: str
+    """`module:class` of its `Writer`, which gets the file, the `WriterOptions` and the format's name. The module is
+    relative to `renderer.writers`, and is imported when it is first used."""
     uses: tuple[str, ...] = ()
-    """The names of the `WriterOptions` that it uses."""
-
-    def make_writer(self, file: IO[bytes], options: WriterOptions) -> Writer:
-        """Returns a writer to a binary file. Raises `InvalidOption` for an option that the format does not use."""
-        check_options(options, self.uses, f"format {self.name}")
-        return self.open(file, options)
+    """The names of the `FormatOptions` that it uses."""
 
 
-def _picture(picture: pictures.PictureFormat) -> Format:
-    """Makes a format for one view."""
-
-    def open_writer(file: IO[bytes], options: WriterOptions) -> Writer:
-        return SingleWriter(file, picture, options)
-
-    return Format(picture.name, picture.suffixes, picture.media_type, open_writer)
-
-
-def _container(
-    name: str, suffixes: tuple[str, ...], media_type: str, writer: str, uses: tuple[str, ...] = ()
-) -> Format:
-    """Makes a format for whole light fields, whose `writer` is `module:class`, imported when it is first used."""
-    module, _, class_ = writer.partition(":")
-
-    def open_writer(file: IO[bytes], options: WriterOptions) -> Writer:
-        found: Writer = getattr(import_module(f"ciir.renderer.writers.containers.{module}"), class_)(file, options)
-        return found
-
-    return Format(name, suffixes, media_type, open_writer, uses=uses)
-
-
-def check_options(options: WriterOptions, uses: tuple[str, ...], what: str) -> None:
-    """Raises `InvalidOption` for an option that differs from its default, unless it is in `uses`, those of `what`."""
-    for field in fields(WriterOptions):
-        if field.name not in {*OF_FILE, *uses} and getattr(options, field.name) != field.default:
-            others = ", ".join(entry.name for entry in FORMATS.values() if field.name in entry.uses)
-            raise InvalidOption(f"{field.name}: {what} has no use for it; leave it out, or give format {others}")
-
-
-STILL = tuple(suffix for suffix in pictures.SUFFIXES if suffix != ".webp")
+_VIDEO = ("path", "frames", "fps")
+"""The `FormatOptions` that a video format uses."""
+_VIDEOS = (
+    Format("mp4", (".mp4",), "video/mp4", "containers.video:Mp4Writer", _VIDEO),
+    Format("webm", (".webm",), "video/webm", "containers.video:WebmWriter", _VIDEO),
+    Format("gif", (".gif",), "image/gif", "containers.video:GifWriter", _VIDEO),
+    Format("animated-webp", (".webp",), "image/webp", "containers.video:WebpWriter", _VIDEO),
+)
+VIDEOS = tuple(entry.name for entry in _VIDEOS)
+"""The names of the formats that hold frames."""
+TIMES = (*VIDEOS, "zip")
+"""The names of the formats that hold one view at several times."""
+_STILL = tuple(suffix for suffix in pictures.SUFFIXES if suffix not in index_suffixes(_VIDEOS))
 """The suffixes of pictures without motion: for a whole light field, WebP is an animation."""
-EXACT = tuple(suffix for suffix in pictures.SUFFIXES if suffix not in (".jpg", ".jpeg"))
+_EXACT = tuple(index_suffixes(entry for entry in pictures.FORMATS.values() if entry.is_lossless))
 """The suffixes of pictures that keep every subpixel, which lenses tell apart."""
-VIDEO = ("path", "frames", "fps")
-"""The `WriterOptions` that a video format uses."""
-BINARY = "application/octet-stream"
-"""The media type of formats without one of their own."""
 
 FORMATS = {
     entry.name: entry
     for entry in (
-        *map(_picture, pictures.FORMATS),
-        Format("zip", (".zip",), "application/zip", lambda file, _: ZipWriter(file)),
-        Format("npz", (".npz",), "application/x-npz", lambda file, _: NpzWriter(file)),
-        Format("html", (".html",), "text/html", lambda file, _: HtmlWriter(file)),
-        _container("eia", STILL, "image/png", "pictures:EiaWriter"),
-        _container("mosaic", STILL, "image/png", "pictures:MosaicWriter"),
-        _container("eslf", (".png",), "image/png", "pictures:EslfWriter"),
-        _container("stack", (".tif", ".tiff"), "image/tiff", "pictures:StackWriter"),
-        _container("epi", STILL, "image/png", "pictures:EpiWriter", ("epi",)),
-        _container("tiles", (".zip",), "application/zip", "tiles:TilesWriter"),
-        _container("npy", (".npy",), BINARY, "arrays:NpyWriter"),
-        _container("mat", (".mat",), BINARY, "matlab:MatWriter"),
-        _container("mat73", (".mat",), BINARY, "matlab:Mat73Writer"),
-        _container("hci", (".h5", ".hdf5"), BINARY, "matlab:HciWriter"),
-        _container("mp4", (".mp4",), "video/mp4", "video:Mp4Writer", VIDEO),
-        _container("webm", (".webm",), "video/webm", "video:WebmWriter", VIDEO),
-        _container("gif", (".gif",), "image/gif", "video:GifWriter", VIDEO),
-        _container("animated-webp", (".webp",), "image/webp", "video:WebpWriter", VIDEO),
-        _container("quilt", pictures.SUFFIXES, "image/png", "displays:QuiltWriter", USES["quilt"]),
-        _container("lenticular", EXACT, "image/png", "displays:LenticularWriter", USES["lenticular"]),
-        _container("panel", EXACT, "image/png", "displays:PanelWriter", USES["panel"]),
+        *(
+            Format(entry.name, entry.suffixes, entry.media_type, "pictures.single:SingleWriter")
+            for entry in pictures.FORMATS.values()
+        ),
+        Format("zip", (".zip",), "application/zip", "archives:ZipWriter"),
+        Format("npz", (".npz",), "application/x-npz", "archives:NpzWriter"),
+        Format("html", (".html",), "text/html", "html:HtmlWriter"),
+        Format("eia", _STILL, "image/png", "containers.pictures:EiaWriter"),
+        Format("mosaic", _STILL, "image/png", "containers.pictures:MosaicWriter"),
+        Format("eslf", (".png",), "image/png", "containers.pictures:EslfWriter"),
+        Format("stack", (".tif", ".tiff"), "image/tiff", "containers.pictures:StackWriter"),
+        Format("epi", _STILL, "image/png", "containers.pictures:EpiWriter", ("epi",)),
+        Format("tiles", (".zip",), "application/zip", "containers.tiles:TilesWriter"),
+        Format("npy", (".npy",), BINARY, "containers.arrays:NpyWriter"),
+        Format("mat", (".mat",), BINARY, "containers.matlab:MatWriter"),
+        Format("mat73", (".mat",), BINARY, "containers.matlab:Mat73Writer"),
+        Format("hci", (".h5", ".hdf5"), BINARY, "containers.matlab:HciWriter"),
+        *_VIDEOS,
+        Format("quilt", pictures.SUFFIXES, "image/png", "containers.displays:DisplayWriter", USES["quilt"]),
+        Format("lenticular", _EXACT, "image/png", "containers.displays:DisplayWriter", USES["lenticular"]),
+        Format("panel", _EXACT, "image/png", "containers.displays:DisplayWriter", USES["panel"]),
     )
 }
 """The formats by name. If several have the same suffix, the first one is its format."""
-
-
-def _index_suffixes(formats: Iterable[Format]) -> dict[str, Format]:
-    found: dict[str, Format] = {}
-    for entry in formats:
-        for suffix in entry.suffixes:
-            found.setdefault(suffix, entry)
-    return found
-
-
-BY_SUFFIX = _index_suffixes(FORMATS.values())
+BY_SUFFIX = index_suffixes(FORMATS.values())
 """The format of views for a file name's suffix: a picture is one view."""
-BY_SUFFIX_OF_TIMES = BY_SUFFIX | {".webp": FORMATS["animated-webp"]}
+BY_SUFFIX_OF_TIMES = BY_SUFFIX | index_suffixes(_VIDEOS)
 """The format of one view at several times for a file name's suffix."""
-WHOLE = {name: entry for name, entry in FORMATS.items() if name not in {picture.name for picture in pictures.FORMATS}}
+WHOLE = {name: entry for name, entry in FORMATS.items() if name not in pictures.FORMATS}
 """The formats that can hold a whole light field, by name."""
-WHOLE_BY_SUFFIX = _index_suffixes(WHOLE.values())
+WHOLE_BY_SUFFIX = index_suffixes(WHOLE.values())
 """The format of a whole light field for a file name's suffix: a picture is an elemental image array."""
 
 
-def find_display(path: PurePath, options: WriterOptions) -> Kind | None:
+def find_display(path: PurePath, options: FormatOptions) -> Kind | None:
     """Returns the kind of picture for a display that the options, or a quilt's name, ask for if no format is given."""
     if options.display or options.calibration or options.device or options.quilt or describes_print(options):
         return find_kind(options)
@@ -170,7 +96,7 @@ def find_display(path: PurePath, options: WriterOptions) -> Kind | None:
     return "quilt" if is_named else None
 
 
-def find_implied(path: PurePath, options: WriterOptions) -> str | None:
+def find_implied(path: PurePath, options: FormatOptions) -> str | None:
     """Returns the format if none is given: epi if its line is given, eslf if readers would take the file's name for
     one.
     """
@@ -201,36 +127,11 @@ def find_whole_format(name: str, path: PurePath) -> Format | None:
     return found
 
 
-class FileWriter(Writer):
-    """Writes one file in the requested format; without one, PNG for one view and zip for several."""
-
-    def __init__(self, file: IO[bytes], wanted: str | None, options: WriterOptions | None = None) -> None:
-        if wanted is not None and wanted not in FORMATS:
-            raise InvalidOption(f"format: {wanted[:40]!r} is not known; give {', '.join(FORMATS)}")
-        self._file = file
-        self._wanted = wanted
-        self._options = options or WriterOptions()
-        self._writer: Writer | None = None
-        self.format = FORMATS["zip"]
-        """The format; final from `begin` on."""
-
-    def begin(self, contents: Contents) -> None:
-        """Selects the format."""
-        self.format = FORMATS[self._wanted or ("png" if len(contents.views) == 1 else "zip")]
-        self._writer = self.format.make_writer(self._file, self._options)
-        self._writer.begin(contents)
-
-    def write(self, view: View, pixels: Pixels) -> str:
-        """Writes the view."""
-        assert self._writer is not None  # noqa: S101 - `begin` was called: the contract of Writer
-        return self._writer.write(view, pixels)
-
-    def finish(self, report: dict[str, Any]) -> None:
-        """Completes the file."""
-        assert self._writer is not None  # noqa: S101
-        self._writer.finish(report)
-
-    def discard(self) -> None:
-        """Closes an archive that is not finished."""
-        if self._writer is not None:
-            self._writer.discard()
+def check_options(options: FormatOptions, uses: tuple[str, ...], what: str) -> None:
+    """Raises `InvalidOption` for an option that differs from its default, unless it is in `uses`, those of `what`. 0
+    counts as not given.
+    """
+    for field in fields(FormatOptions):
+        if field.name not in uses and (getattr(options, field.name) or field.default) != field.default:
+            others = ", ".join(entry.name for entry in FORMATS.values() if field.name in entry.uses)
+            raise InvalidOption(f"{field.name}: {what} has no use for it; leave it out, or give format {others}")

@@ -34,7 +34,7 @@ MODULES = ("texts.js", "disparity.js", "viewer.js", "movement.js", "page.js")
 class HtmlWriter(Writer):
     """Writes one page with all views as JPEG of quality 95 and 8 bit; alpha is left out."""
 
-    def __init__(self, file: IO[bytes]) -> None:
+    def __init__(self, file: IO[bytes], *_: object) -> None:
         self._file = file
         self._views: dict[View, str] = {}
         self._kept: dict[View, Pixels] = {}

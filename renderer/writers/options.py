@@ -18,11 +18,10 @@ from ciir.renderer.readers.bundle import read_file
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from typing import Self
 
     from ciir.renderer.displays.panel import Conversion
 
-OF_FILE = ("suffix", "name")
-"""Options that come from the output's path."""
 TEXT_FILES = ("calibration", "display")
 """Options whose value is the text of a file."""
 MOST_TEXT = 1 << 16
@@ -36,19 +35,15 @@ RANGES: dict[str, tuple[float, float]] = {
     "frames": (1, 3600),
     "fps": (1, 240),
 }
-"""The smallest and the largest value of each number in `WriterOptions`."""
+"""The smallest and the largest value of each number in `FormatOptions`."""
 PathName = Literal["circle", "sweep", "spiral"]
 """Paths of a camera among the views."""
 
 
 @dataclass(frozen=True)
-class WriterOptions:
-    """How a light field is written. A writer uses the options that its format leaves open."""
+class FormatOptions:
+    """How a light field is written. Each format uses some of these options."""
 
-    suffix: str = ""
-    """Suffix of the file's name, in lower case, for formats that have several; empty: the format's usual one."""
-    name: str = ""
-    """Name of the file, if it has one: a quilt's may contain its layout."""
     device: str = ""
     """The display that a quilt is for, from `renderer.displays.devices`; empty: the default one, with the views' own
     aspect."""
@@ -73,8 +68,8 @@ class WriterOptions:
     """A panel and its lenses as TOML, as `renderer.displays.integral.parse_display` reads it."""
     conversion: Conversion = "spoc"
     """Conversion of a panel's picture."""
-    disparity: float = 0.0
-    """Disparity of what lies in a display's plane, in pixels from view to view, larger for nearer content."""
+    disparity: float | None = None
+    """Disparity of what lies in a display's plane, in pixels from view to view, larger for nearer content; None: 0."""
     path: PathName = "circle"
     """Path of the camera in videos: see `renderer.writers.containers.camera_paths.list_positions`."""
     frames: int = 60
@@ -85,14 +80,13 @@ class WriterOptions:
     """The line of an EPI picture, as `parse_epi` reads it; empty: the middle row of the centre view."""
 
     @classmethod
-    def convert(cls, given: Mapping[str, Any]) -> WriterOptions:
-        """Returns the options by name; None is the default. `calibration` and `display` are paths; those of `OF_FILE`
-        come from the output's path.
+    def convert(cls, given: Mapping[str, Any]) -> Self:
+        """Returns the options by name; None is the default. `calibration` and `display` are paths.
 
         Raises `InvalidOption` for a name that is not known or a value out of range, and `Unreadable` for a file that
         can't be read.
         """
-        known = [field.name for field in fields(cls) if field.name not in OF_FILE]
+        known = [field.name for field in fields(FormatOptions)]
         unknown = sorted(given.keys() - set(known))
         if unknown:
             raise InvalidOption(f"{unknown[0][:40]!r}: no such option; the options are {', '.join(known)}")
@@ -115,6 +109,21 @@ class WriterOptions:
             if is_number and not least <= value <= most:
                 raise InvalidOption(f"{name}: {str(value)[:40]} is out of range; give {least:g} to {most:g}")
         return cls(**{**given, **files})
+
+    def make_writer_options(self, suffix: str = "", name: str = "") -> WriterOptions:
+        """Makes the options for a writer to a file with that suffix and name."""
+        given = {field.name: getattr(self, field.name) for field in fields(FormatOptions)}
+        return WriterOptions(**given, suffix=suffix, name=name)
+
+
+@dataclass(frozen=True)
+class WriterOptions(FormatOptions):
+    """The options of a format, and what the output's path says."""
+
+    suffix: str = ""
+    """Suffix of the file's name, in lower case, for formats that have several; empty: the format's usual one."""
+    name: str = ""
+    """Name of the file, if it has one: a quilt's may contain its layout."""
 
 
 def read_description(name: str, path: Path) -> str:

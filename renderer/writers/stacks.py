@@ -18,8 +18,9 @@ from ciir.renderer.levels import note_rounding, round_levels
 from ciir.renderer.writers import pictures
 from ciir.renderer.writers.archives import add_array
 from ciir.renderer.writers.atomic_write import Staged
-from ciir.renderer.writers.formats import FORMATS, check_options
-from ciir.renderer.writers.options import WriterOptions
+from ciir.renderer.writers.file_writer import make_writer
+from ciir.renderer.writers.formats import FORMATS, VIDEOS, check_options
+from ciir.renderer.writers.options import FormatOptions, WriterOptions
 from ciir.renderer.writers.pictures import encode_png
 from ciir.renderer.writers.writer import REPORT, ZIP_DATE, Contents, report_json
 
@@ -72,7 +73,7 @@ class Stack:
 def check_rate(fps: float | None, name: str | None) -> None:
     """Raises `InvalidOption` if `fps` is given although the format `name`, or a folder (None), does not use it."""
     uses, what = ((), "a folder of pictures") if name is None else (FORMATS[name].uses, f"format {name}")
-    check_options(WriterOptions(fps=fps), uses, what)
+    check_options(FormatOptions(fps=fps), uses, what)
 
 
 def write_pictures(stack: Stack, write: Callable[[str, bytes], object]) -> list[str]:
@@ -158,7 +159,7 @@ def _write_video(file: IO[bytes], stack: Stack, name: str) -> list[str]:
     """Writes frames of 8-bit RGB from the first plane to the last and back."""
     back = range(len(stack) - 2, 0, -1)
     options = WriterOptions(frames=len(stack) + len(back), fps=stack.fps)
-    writer = cast("PathWriter", FORMATS[name].make_writer(file, options))
+    writer = cast("PathWriter", make_writer(FORMATS[name], file, options))
     height, width, channels = stack.shape
     writer.check(Contents(((0, 0),), (1, 1), height, width, channels, stack.dtype))
     notes = writer.write_frames(_list_frames(stack, back))
@@ -187,7 +188,7 @@ def _to_rgb8(plane: NDArray[np.float32], stack: Stack) -> NDArray[np.uint8]:
 
 
 PLANE: dict[str, WriteStack] = {
-    **{picture.name: partial(_write_picture, picture=picture) for picture in pictures.FORMATS},
+    **{name: partial(_write_picture, picture=picture) for name, picture in pictures.FORMATS.items()},
     "npy": _write_npy,
     "npz": _write_npz,
 }
@@ -197,7 +198,7 @@ STACK: dict[str, WriteStack] = {
     "stack": _write_tiff,
     "npy": _write_npy,
     "npz": _write_npz,
-    **{name: partial(_write_video, name=name) for name in ("mp4", "webm", "gif", "animated-webp")},
+    **{name: partial(_write_video, name=name) for name in VIDEOS},
 }
 """Functions that write several planes, by the same names."""
 PLANE_BY_SUFFIX, STACK_BY_SUFFIX = (

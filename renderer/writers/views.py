@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from ciir.errors import InvalidOption
 from ciir.renderer.backends.progress import ignore_progress
 from ciir.renderer.writers.atomic_write import replacing
+from ciir.renderer.writers.file_writer import make_writer
 from ciir.renderer.writers.folder import FolderWriter
 from ciir.renderer.writers.formats import (
     BY_SUFFIX,
@@ -21,7 +21,7 @@ from ciir.renderer.writers.formats import (
     find_implied,
     find_whole_format,
 )
-from ciir.renderer.writers.options import WriterOptions
+from ciir.renderer.writers.options import FormatOptions
 from ciir.renderer.writers.writer import Contents
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 def save_light_field(
-    light_field: LightField, path: Path, name: str | None, options: WriterOptions, progress: Progress = ignore_progress
+    light_field: LightField, path: Path, name: str | None, options: FormatOptions, progress: Progress = ignore_progress
 ) -> tuple[str, ...]:
     """Writes a light field in the format `name`. If it is None, the format is the one that `options` or `path` ask for:
     a picture is an elemental image array, and a name without a suffix a folder of views.
@@ -84,18 +84,18 @@ def save_views(
     height, width, channels = (first := next(iter(views.values()))).shape
     scale = report.get("plan", {}).get("scale", 1)
     contents = Contents(tuple(views), grid, height, width, channels, first.dtype, depth_sense, times, scale)
-    with _open(path, BY_SUFFIX_OF_TIMES if times else BY_SUFFIX, WriterOptions()) as writer:
+    with _open(path, BY_SUFFIX_OF_TIMES if times else BY_SUFFIX, FormatOptions()) as writer:
         _write(views, report, writer, contents)
 
 
 @contextmanager
-def _open(path: Path, formats: Mapping[str, Format] | None, options: WriterOptions) -> Iterator[Writer]:
+def _open(path: Path, formats: Mapping[str, Format] | None, options: FormatOptions) -> Iterator[Writer]:
     """Opens a writer to `path`, in the format that its suffix has in `formats`, or to a folder; None: to a folder."""
     suffix = path.suffix.lower()
     with _named_errors(path):
         if formats is not None and suffix in formats:
-            options = replace(options, suffix=suffix, name=path.name)
-            with replacing(path) as file, formats[suffix].make_writer(file, options) as writer:
+            given = options.make_writer_options(suffix, path.name)
+            with replacing(path) as file, make_writer(formats[suffix], file, given) as writer:
                 yield writer
         elif formats is not None and suffix and not path.is_dir():
             known = ", ".join(formats)

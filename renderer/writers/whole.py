@@ -10,6 +10,7 @@ import numpy as np
 
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
+from ciir.renderer.writers.formats import TIMES
 from ciir.renderer.writers.writer import Writer, file_name
 
 if TYPE_CHECKING:
@@ -25,16 +26,12 @@ REVERSED = "{name} counts {what}: views are written in reversed order in v and i
 class WholeWriter(Writer):
     """Collects all views, and writes them as one light field when the last one has arrived."""
 
-    name = ""
-    """The format's name in messages."""
-    holds_times = False
-    """Whether it can also hold one view at several times."""
     sense: DepthSense | None = None
     """The depth sense that the format has; None for one that states it, or that holds pictures of another kind."""
     holds_alpha = True
 
-    def __init__(self, file: IO[bytes], options: WriterOptions) -> None:
-        self.file, self.options = file, options
+    def __init__(self, file: IO[bytes], options: WriterOptions, name: str) -> None:
+        self.file, self.options, self.name = file, options, name
         self._views: Pixels | None = None
         self._contents: Contents | None = None
         self._missing = 0
@@ -52,11 +49,10 @@ class WholeWriter(Writer):
 
     def begin(self, contents: Contents) -> None:
         """Refuses a part of the views."""
-        if not self.holds_times:
-            contents.refuse_times(self.name)
+        contents.refuse_times(self.name)
         rows, columns = contents.grid
         if len(contents.views) != rows * columns:
-            turn = ", or rotate 0:360:60 for a turntable" if contents.is_mesh and self.holds_times else ""
+            turn = ", or rotate 0:360:60 for a turntable" if contents.is_mesh and self.name in TIMES else ""
             raise InvalidOption(
                 f"format: {self.name} needs all views, and {len(contents.views)} of {rows}x{columns} are asked "
                 f"for; give views all{turn}"

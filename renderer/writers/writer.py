@@ -11,6 +11,7 @@ import numpy as np
 
 from ciir.errors import InvalidOption
 from ciir.renderer.readers.layout import DEPTH_SENSE_TEXT
+from ciir.renderer.writers.formats import TIMES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -60,11 +61,10 @@ class Contents:
         return {} if self.times else {DEPTH_SENSE_TEXT: self.depth_sense}
 
     def refuse_times(self, name: str) -> None:
-        """Raises `InvalidOption` for pictures at several times or yaws, which the format `name` can't hold."""
-        if self.times:
-            raise InvalidOption(
-                f"format: {name} holds no pictures at several times or yaws; give mp4, webm, gif, animated-webp or zip"
-            )
+        """Raises `InvalidOption` for pictures at several times or yaws, unless the format `name` can hold them."""
+        if self.times and name not in TIMES:
+            others = f"{', '.join(TIMES[:-1])} or {TIMES[-1]}"
+            raise InvalidOption(f"format: {name} holds no pictures at several times or yaws; give {others}")
 
     @property
     def sample(self) -> Pixels:

@@ -20,6 +20,7 @@ from ciir.renderer.scene import Scene
 from ciir.renderer.views import parse_views
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.containers.video import PathWriter
+from ciir.renderer.writers.file_writer import make_writer
 from ciir.renderer.writers.folder import FolderWriter
 from ciir.renderer.writers.formats import BY_SUFFIX, BY_SUFFIX_OF_TIMES, check_options
 from ciir.renderer.writers.pictures import encode_png
@@ -154,7 +155,7 @@ def join(task: Task, request: Request, outputs: Outputs, record: Record) -> Outc
         if task.is_file:
             _write_file(path, report, pictures, times, request.options)
         else:
-            check_options(request.options.make_writer_options(), (), "a folder of views")
+            check_options(request.options, (), "a folder of views")
             path.mkdir()
             for view, picture in zip(report["views"], pictures, strict=True):
                 _link(picture, path / view["file"])
@@ -173,7 +174,7 @@ def _write_file(
     suffix = path.suffix.lower()
     format_ = (BY_SUFFIX_OF_TIMES if times else BY_SUFFIX)[suffix]
     contents = _describe(report, _read(pictures[0]), times)
-    with replacing(path) as file, format_.make_writer(file, options.make_writer_options(suffix)) as writer:
+    with replacing(path) as file, make_writer(format_, file, options.make_writer_options(suffix)) as writer:
         if isinstance(writer, PathWriter) and times:
             report["notes"] += writer.stream(contents, map(_read, pictures))
             return

@@ -26,7 +26,7 @@ def find_display(args: argparse.Namespace, options: Options) -> Kind | None:
     """Returns the kind of display picture that is asked for, or None for another format."""
     if args.to is not None:
         return next((kind for kind in USES if kind == args.to), None)
-    return formats.find_display(Path(args.out), options.make_writer_options())
+    return formats.find_display(Path(args.out), options)
 
 
 def write_picture(args: argparse.Namespace, options: Options, kind: Kind) -> None:

@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from ciir.renderer.writers.depth import maps
-from ciir.renderer.writers.formats import FOLDER, WHOLE, WHOLE_BY_SUFFIX
+from ciir.renderer.writers.formats import FOLDER, FORMATS, VIDEOS, WHOLE, WHOLE_BY_SUFFIX
 from ciir.renderer.writers.pictures import SUFFIXES
 from ciir.renderer.writers.stacks import PLANE_BY_SUFFIX, STACK_BY_SUFFIX
 from ciir.service.pipeline.options import (
@@ -138,12 +138,14 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command.add_argument(
         "input", metavar="INPUT", help="file, folder or zip; or scene:vase, scene:globe, scene:hamburger"
     )
+    videos = [FORMATS[name].suffix for name in VIDEOS]
     command.add_argument(
         "-o",
         "--out",
         required=True,
         metavar="OUT",
-        help="a folder, a .zip or .npz file, or a picture for one view; .mp4, .webm, .gif or .webp for several times",
+        help="a folder, a .zip or .npz file, or a picture for one view; "
+        f"{', '.join(videos[:-1])} or {videos[-1]} for several times",
     )
     add_options(command, KINDS["reconstruction"].options)
     _add_raw_files(command)
@@ -186,14 +188,13 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         "pictures.depth",
     )
     command.add_argument("input", metavar="INPUT", help="file, folder or zip; or scene:NAME")
-    suffixes = ", ".join(dict.fromkeys(suffix for entry in maps.FORMATS.values() for suffix in entry.suffixes))
     models = " or ".join(entry.suffix for entry in MODELS.values())
     command.add_argument(
         "-o",
         "--out",
         required=True,
         metavar="OUT",
-        help=f"{suffixes}, with the confidence in a second file; or {models}: a coloured 3D model",
+        help=f"{', '.join(maps.BY_SUFFIX)}, with the confidence in a second file; or {models}: a coloured 3D model",
     )
     command.add_argument(
         "--to", metavar="FORMAT", help=f"one of {', '.join(maps.FORMATS)} (default: chosen by the name of OUT)"

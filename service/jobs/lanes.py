@@ -19,7 +19,7 @@ from ciir.renderer.readers.bundle import PACKED
 from ciir.renderer.readers.names import FRAMES, is_hidden
 from ciir.renderer.readers.registry import ARRAYS, ZIP, find_by_signature, is_container, is_mesh, is_picture
 from ciir.renderer.sampling import LENSLET_SAMPLES
-from ciir.renderer.writers.formats import FORMATS
+from ciir.renderer.writers.formats import VIDEOS
 from ciir.service.pipeline.displays.rays import count_rays
 from ciir.service.pipeline.job import LENSES, PIXELS
 from ciir.service.pipeline.options import KINDS, MODELS, NO_MODEL
@@ -113,7 +113,7 @@ def estimate_seconds(request: Request, content: Content) -> float:
         written += lenses * larger * (_MATCH + grid * _SHIFT * (options.stack[2] if options.stack else 1))
     elif request.kind == "disparity":
         written += lenses * larger * (grid * _MODEL if request.format in MODELS else _MATCH)
-    elif request.format is not None and "frames" in FORMATS[request.format].uses:
+    elif request.format in VIDEOS:
         written += lenses * larger * options.frames * _FRAME
     if pixels is not None:
         return read + (0 if options.lens_pitch is None else pixels * _RESAMPLE) + written
@@ -127,9 +127,8 @@ def estimate_seconds(request: Request, content: Content) -> float:
 
 def _count_rays(request: Request, options: Options) -> int:
     """Counts rays of a display picture, or samples of views, which cost about as much; 0 if the display is refused."""
-    written = options.make_writer_options()
     try:
-        return count_rays(find_target(cast("DisplayKind", request.format or find_kind(written)), written), options)
+        return count_rays(find_target(cast("DisplayKind", request.format or find_kind(options)), options), options)
     except InputError:
         return 0
 

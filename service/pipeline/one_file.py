@@ -14,7 +14,7 @@ from ciir.errors import InvalidOption, UnsupportedType
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.registry import READ, SUFFIXES, ZIP, MeshFormat, PictureFormat
 from ciir.renderer.writers.depth import encode_disparity
-from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.file_writer import FileWriter
 from ciir.renderer.writers.pictures import BY_SUFFIX, FORMATS, encode_png
 from ciir.renderer.writers.stacks import PLANE, STACK
 from ciir.renderer.writers.writer import REPORT, ZIP_DATE, report_json
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     """Returns the name of the format that was written, and the report. Raises the same errors as
     `service.pipeline.run`."""
 
-_SUFFIXES = {entry.name: entry.suffixes[0] for entry in FORMATS}
 _TAKEN: dict[KindName, str] = {
     "upscale": ", ".join(suffix for suffix, entry in SUFFIXES.items() if isinstance(entry, PictureFormat)),
     "elemental": ", ".join(
@@ -86,7 +85,9 @@ def _upscale(source: Source, options: Options, output: Output) -> tuple[str, Rep
         raise InvalidOption(
             f"{source.name}: this holds several files; send one picture, or send views to a reconstruction"
         )
-    name = output_names([source.main])[source.main] if output.format is None else f"upload{_SUFFIXES[output.format]}"
+    name = (
+        output_names([source.main])[source.main] if output.format is None else f"upload{FORMATS[output.format].suffix}"
+    )
     report = upscale_files(
         source.files,
         {source.main: name},
@@ -106,7 +107,7 @@ def _render_eia(source: Source, options: Options, output: Output) -> tuple[str, 
     name = output.format or "png"
 
     def keep(pixels: Pixels) -> None:
-        output.file.write(encode_eia(pixels, options, _SUFFIXES[name]))
+        output.file.write(encode_eia(pixels, options, FORMATS[name].suffix))
 
     return name, render_eia(
         source, options, keep, max_pixels=output.max_pixels, progress=output.progress, clock=output.clock

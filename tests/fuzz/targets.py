@@ -22,7 +22,7 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.meshes.pose import MeshPose
 from ciir.renderer.readers.registry import SUFFIXES
-from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.file_writer import FileWriter
 from ciir.service.pipeline.displays.pictures import make_picture
 from ciir.service.pipeline.focus.disparities import find_disparity
 from ciir.service.pipeline.focus.planes import refocus

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 class NpyWriter(WholeWriter):
     """Writes `L[v, u, y, x, c]`, which `numpy.load` returns, followed by the depth sense as a second array."""
 
-    name = "npy"
-
     def encode(self, light_field: LightField) -> list[str]:
         """Writes both arrays."""
         for array in (light_field.views, np.array(light_field.depth_sense)):

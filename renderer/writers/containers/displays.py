@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import PurePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from ciir.renderer.displays.devices import Quilt, match_views
 from ciir.renderer.displays.pictures import find_size, find_target, show_light_field
@@ -17,14 +17,13 @@ if TYPE_CHECKING:
     from ciir.renderer.writers.writer import Contents
 
 
-class QuiltWriter(WholeWriter):
-    """Writes a quilt of the middle row of views."""
-
-    name: Kind = "quilt"
+class DisplayWriter(WholeWriter):
+    """Writes a quilt of the middle row of views, or the native picture of a lenticular display or a panel."""
 
     def check(self, contents: Contents) -> None:
         """Refuses a display that is not described, and pixels that the picture format can't hold."""
-        self._target = find_target(self.name, self.options)
+        named = parse_name(self.options.name)
+        self._target = find_target(cast("Kind", self.name), self.options, named=named)
         if isinstance(self._target, Quilt):
             own_aspect = contents.width / contents.height * contents.pixel_aspect
             self._target = match_views(self._target, contents.grid[1], own_aspect)
@@ -44,15 +43,3 @@ class QuiltWriter(WholeWriter):
                 name = f"{given.stem}{picture.layout.suffix}{given.suffix}"
                 notes.append(f"quilt: name it {name}; displays read columns, rows and aspect there")
         return notes
-
-
-class LenticularWriter(QuiltWriter):
-    """Writes the native picture of a lenticular display."""
-
-    name = "lenticular"
-
-
-class PanelWriter(QuiltWriter):
-    """Writes the picture of a panel under a lens array."""
-
-    name = "panel"

@@ -35,8 +35,6 @@ class CameraWriter(WholeWriter):
 class MatWriter(CameraWriter):
     """Writes `LF` in MAT version 5."""
 
-    name = "mat"
-
     def check(self, contents: Contents) -> None:
         """Refuses views that don't fit into the format's 32-bit sizes."""
         size = len(contents.views) * contents.height * contents.width * contents.channels * contents.dtype.itemsize
@@ -57,8 +55,6 @@ class MatWriter(CameraWriter):
 class Mat73Writer(CameraWriter):
     """Writes `LF` in MAT version 7.3, which is HDF5 with axes counted from the other end."""
 
-    name = "mat73"
-
     def encode(self, light_field: LightField) -> list[str]:
         """Writes the views; MATLAB reads the class from an attribute, and the version from the block before the HDF5
         file.
@@ -75,8 +71,6 @@ class Mat73Writer(CameraWriter):
 
 class HciWriter(CameraWriter):
     """Writes `LF[v, U-1-u, y, x, c]` with the attributes of the old HCI data set."""
-
-    name = "hci"
 
     def encode(self, light_field: LightField) -> list[str]:
         """Writes views from right to left, and attributes; notes the attributes that are not known."""

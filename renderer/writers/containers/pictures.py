@@ -57,7 +57,6 @@ class PictureWriter(WholeWriter):
 class EiaWriter(PictureWriter):
     """Writes the elemental image array: pixel (y*V + v, x*U + u) is pixel (y, x) of view (v, u)."""
 
-    name = "eia"
     sense = "lenses"
     arrangement = "eia"
 
@@ -75,7 +74,6 @@ class EiaWriter(PictureWriter):
 class MosaicWriter(PictureWriter):
     """Writes the views side by side: pixel (v*H + y, u*W + x) is pixel (y, x) of view (v, u)."""
 
-    name = "mosaic"
     sense = "cameras"
     arrangement = "mosaic"
 
@@ -88,7 +86,6 @@ class MosaicWriter(PictureWriter):
 class EslfWriter(PictureWriter):
     """Writes Lytro's ESLF: 14x14 pixels under each lens, with empty pixels around the views."""
 
-    name = "eslf"
     sense = "cameras"
     holds_alpha = False
     """Alpha would be taken for a weight."""
@@ -112,8 +109,6 @@ class EslfWriter(PictureWriter):
 class StackWriter(WholeWriter):
     """Writes a TIFF with a page for each view, row by row; the first page's description has the grid and the sense."""
 
-    name = "stack"
-
     def encode(self, light_field: LightField) -> list[str]:
         """Writes the pages (deflate, horizontal differences)."""
         views = light_field.views
@@ -128,8 +123,6 @@ class StackWriter(WholeWriter):
 
 class EpiWriter(PictureWriter):
     """Writes the epipolar plane image of one line (Bolles, Baker & Marimont 1987)."""
-
-    name = "epi"
 
     def check(self, contents: Contents) -> None:
         """Refuses a line that does not exist."""

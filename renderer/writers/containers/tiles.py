@@ -62,8 +62,6 @@ def plan_tiles(rows: int, height: int, width: int) -> list[Tile]:
 class TilesWriter(WholeWriter):
     """Writes `light_field.json`, which describes the tiles, and each of them, in that order and uncompressed."""
 
-    name = "tiles"
-
     def check(self, contents: Contents) -> None:
         """Refuses mosaics that JPEG can't hold."""
         rows, cols = contents.grid

@@ -47,8 +47,6 @@ _BT601, _LIMITED = 6, 1
 class PathWriter(WholeWriter):
     """Draws the frames of the path that the options give, or takes those of the times, in 8-bit RGB."""
 
-    holds_times = True
-
     def check(self, contents: Contents) -> None:
         """Refuses views that are too large for a frame, path options if each picture is a frame, and a quilt's name."""
         if (layout := parse_name(self.options.name)) is not None:
@@ -150,14 +148,14 @@ class Mp4Writer(VideoWriter):
     Files are at most 3 % larger for it, and 0.2 to 0.7 dB further from the frames.
     """
 
-    name, container = "mp4", "mp4"
+    container = "mp4"
     codecs = (("libx264", {"crf": "18", "mbtree": "0"}), ("mpeg4", {"qscale": "2"}))
 
 
 class WebmWriter(VideoWriter):
     """Writes WebM: VP9."""
 
-    name, container = "webm", "webm"
+    container = "webm"
     codecs = (("libvpx-vp9", {"crf": "24", "b": "0"}),)
 
 
@@ -194,12 +192,12 @@ class AnimationWriter(PathWriter):
 class GifWriter(AnimationWriter):
     """Writes GIF; Pillow selects the colours of each frame."""
 
-    name, unit, lost = "gif", 10, "256 colours a frame, and a clock of 10 ms"
+    unit, lost = 10, "256 colours a frame, and a clock of 10 ms"
     settings: Mapping[str, Any] = {"format": "GIF", "disposal": 1, "optimize": False}
 
 
 class WebpWriter(AnimationWriter):
     """Writes animated WebP; method 4 of 6 is the usual compromise between time and size."""
 
-    name, lost = "animated-webp", "lossy, of quality 90"
+    lost = "lossy, of quality 90"
     settings: Mapping[str, Any] = {"format": "WEBP", "quality": 90, "method": 4}

@@ -15,6 +15,7 @@ import numpy as np
 from ciir.errors import InvalidOption
 from ciir.renderer.writers.atomic_write import replacing
 from ciir.renderer.writers.depth.colors import color_map
+from ciir.renderer.writers.file_types import BINARY, FileType, index_suffixes
 from ciir.renderer.writers.pictures import png
 
 if TYPE_CHECKING:
@@ -35,13 +36,9 @@ SHOWN = (0.005, 0.995)
 
 
 @dataclass(frozen=True)
-class MapFormat:
+class MapFormat(FileType):
     """A format of `(H, W)` numbers."""
 
-    name: str
-    suffixes: tuple[str, ...]
-    """The suffixes in lower case; the first one is the usual one."""
-    media_type: str
     encode: Callable[[Map], Encoded]
     """Returns the file and what a reader of it needs to know, for the report."""
 
@@ -77,12 +74,10 @@ def find_format(path: Path, name: str | None = None) -> MapFormat:
 
     Raises `InvalidOption` if there is none, and if a path with that format has another suffix.
     """
-    entries = list(FORMATS.values()) if name is None else [_get_format(name)]
-    for entry in entries:
-        if path.suffix.lower() in entry.suffixes:
-            return entry
-    suffixes = ", ".join(dict.fromkeys(suffix for entry in entries for suffix in entry.suffixes))
-    raise InvalidOption(f"{path}: a disparity map can't have this name; end it with {suffixes}")
+    found = BY_SUFFIX if name is None else index_suffixes([_get_format(name)])
+    if path.suffix.lower() not in found:
+        raise InvalidOption(f"{path}: a disparity map can't have this name; end it with {', '.join(found)}")
+    return found[path.suffix.lower()]
 
 
 def _get_format(name: str) -> MapFormat:
@@ -137,8 +132,9 @@ FORMATS = {
         MapFormat("pfm", (".pfm",), "image/x-portable-floatmap", _encode_pfm),
         MapFormat("tiff", (".tif", ".tiff"), "image/tiff", _encode_tiff),
         MapFormat("png", (".png",), "image/png", _encode_png),
-        MapFormat("npy", (".npy",), "application/octet-stream", _encode_npy),
+        MapFormat("npy", (".npy",), BINARY, _encode_npy),
         MapFormat("viridis", (".png",), "image/png", _encode_colors),
     )
 }
 """The formats by name. If several have the same suffix, the first one is its format."""
+BY_SUFFIX = index_suffixes(FORMATS.values())

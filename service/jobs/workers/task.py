@@ -184,7 +184,7 @@ def warm_up() -> None:
     from ciir.models import catalogue
     from ciir.renderer.readers.bundle import Bundle
     from ciir.renderer.views import parse_views
-    from ciir.renderer.writers.formats import FileWriter
+    from ciir.renderer.writers.file_writer import FileWriter
     from ciir.service.pipeline import run as pipeline
     from ciir.service.pipeline.options import Options
     from ciir.service.pipeline.planning.plan import Plan

@@ -78,11 +78,10 @@ def make_picture(
     """
     clock = clock or Clock()
     given = Input(source)
-    written = options.make_writer_options()
-    kind = kind or find_kind(written)
+    kind = kind or find_kind(options)
     most = given.limits.pixels if max_pixels is None else min(given.limits.pixels, max_pixels)
-    check_options(written, USES[kind], f"format {kind}")
-    target = find_target(kind, written, named=named, max_pixels=most)
+    check_options(options, USES[kind], f"format {kind}")
+    target = find_target(kind, options, named=named, max_pixels=most)
     with clock.stage("decode"):
         opened = given.open(options, views="all")
     _check_options(given.name, opened, options, target)
@@ -112,7 +111,7 @@ def make_picture(
                 source, wanted, crops_rows=True, max_pixels=max_pixels, progress=progress, clock=clock
             )
         with clock.stage("map"):
-            picture = show_light_field(light_field, target, written, max_pixels=most, progress=progress)
+            picture = show_light_field(light_field, target, options, max_pixels=most, progress=progress)
     report: Report = {
         "input": given.describe(opened),
         "display": _describe(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, get_args
 
 from ciir.errors import InvalidOption
@@ -112,23 +111,3 @@ DISPLAYS = {
     ),
 }
 """Options by name, in the order of the help."""
-
-
-@dataclass(frozen=True)
-class DisplayOptions:
-    """Values of the options in `DISPLAYS`."""
-
-    device: str = ""
-    quilt: str = ""
-    aspect: float | None = None
-    calibration: str = ""
-    print: str = ""
-    lpi: float | None = None
-    dpi: float | None = None
-    view_distance: str = ""
-    view_angle: float | None = None
-    """Degrees."""
-    display: str = ""
-    conversion: Conversion = "spoc"
-    disparity: float | None = None
-    """Pixels."""

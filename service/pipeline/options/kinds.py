@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 from ciir.errors import InvalidOption, UnknownModel
 from ciir.models import catalogue
@@ -11,7 +11,8 @@ from ciir.renderer.displays.pictures import USES, find_kind, find_target
 from ciir.renderer.readers.names import clean_text
 from ciir.renderer.writers import pictures
 from ciir.renderer.writers.depth import maps
-from ciir.renderer.writers.formats import BINARY, FORMATS, check_options
+from ciir.renderer.writers.file_types import BINARY, FileType
+from ciir.renderer.writers.formats import FORMATS, check_options
 from ciir.renderer.writers.stacks import PLANE, STACK, check_rate
 from ciir.service.pipeline.options.displays import DISPLAYS
 from ciir.service.pipeline.options.focus import CAMERAS, FOCUS
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from ciir.renderer.displays.pictures import Kind as DisplayKind
 
 KindName = Literal["reconstruction", "upscale", "elemental", "display", "plane", "disparity", "inspection"]
-_PICTURES = tuple(entry.name for entry in pictures.FORMATS)
+_PICTURES = tuple(pictures.FORMATS)
 _INPUT = tuple(name for name in (*READING, *LENSLET, *MESH) if name != "neighbour_time")
 """Options of kinds of jobs that use all views."""
 _ANY_SIZE = 2**62
@@ -42,20 +43,13 @@ ONE_POSE = {name: OPTIONS[name].help.partition("; several")[0] for name in ("rot
 """Help of options for commands in which several values don't make a video."""
 
 
-class FileType(NamedTuple):
-    """The file type of a result."""
-
-    suffix: str
-    media_type: str
-
-
-MODELS = {"glb": FileType(".glb", "model/gltf-binary"), "ply": FileType(".ply", BINARY)}
+MODELS = {"glb": FileType("glb", (".glb",), "model/gltf-binary"), "ply": FileType("ply", (".ply",), BINARY)}
 """Formats of captured models, by name."""
-FILE_TYPES = {
-    "json": FileType(".json", "application/json"),
+FILE_TYPES: dict[str, FileType] = {
+    "json": FileType("json", (".json",), "application/json"),
     **MODELS,
-    **{entry.name: FileType(entry.suffixes[0], entry.media_type) for entry in maps.FORMATS.values()},
-    **{entry.name: FileType(entry.suffixes[0], entry.media_type) for entry in FORMATS.values()},
+    **maps.FORMATS,
+    **FORMATS,
 }
 """File types by the name of the format."""
 
@@ -140,14 +134,13 @@ class Kind:
 
 def _check_views(options: Options, name: str | None) -> None:
     what = "the default format, png or zip," if name is None else f"format {name}"
-    check_options(options.make_writer_options(), FORMATS[name or "zip"].uses, what)
+    check_options(options, FORMATS[name or "zip"].uses, what)
 
 
 def _check_display(options: Options, name: str | None) -> None:
-    written = options.make_writer_options()
-    kind = find_kind(written) if name is None else cast("DisplayKind", name)
-    check_options(written, USES[kind], f"format {kind}")
-    find_target(kind, written, max_pixels=_ANY_SIZE)
+    kind = find_kind(options) if name is None else cast("DisplayKind", name)
+    check_options(options, USES[kind], f"format {kind}")
+    find_target(kind, options, max_pixels=_ANY_SIZE)
 
 
 def _check_disparity(options: Options, name: str | None) -> None:

@@ -109,8 +109,8 @@ MESH = {
     "neighbour_time": Option(
         "SECONDS",
         "for a mesh and a network that takes several views: by how many seconds the job may take longer, as "
-        "predicted for a typical machine, to render views through a moved lens array, or else their neighbours (for a video: "
-        "each frame); 0: neither (default 1)",
+        "predicted for a typical machine, to render views through a moved lens array, or else their neighbours (for a "
+        "video: each frame); 0: neither (default 1)",
         make_number(0, 1e6, "seconds such as 0.5"),
         "0.5",
     ),

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from ciir.errors import InvalidOption
 from ciir.renderer.readers.names import clean_text
+from ciir.renderer.writers.options import FormatOptions
 from ciir.service.pipeline.options.displays import DISPLAYS
 from ciir.service.pipeline.options.focus import FOCUS, FocusOptions
 from ciir.service.pipeline.options.lenslet import LENSLET, LensletOptions
 from ciir.service.pipeline.options.mesh import MESH, MeshOptions
 from ciir.service.pipeline.options.reading import READING, ReadingOptions
 from ciir.service.pipeline.options.upscaling import UPSCALING, UpscalingOptions
-from ciir.service.pipeline.options.writing import WRITING, WritingOptions
+from ciir.service.pipeline.options.writing import WRITING
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -26,7 +27,7 @@ RECONSTRUCTION = tuple(name for name in OPTIONS if name not in FOCUS and name no
 
 
 @dataclass(frozen=True)
-class Options(WritingOptions, MeshOptions, UpscalingOptions, LensletOptions, ReadingOptions, FocusOptions):
+class Options(FormatOptions, MeshOptions, UpscalingOptions, LensletOptions, ReadingOptions, FocusOptions):
     """Options of a job, described in `OPTIONS`. Raises `InvalidOption` if one is out of range by itself.
 
     `service.pipeline.job` checks whether they fit the input.

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
 from typing import get_args
 
-from ciir.renderer.writers.options import RANGES, PathName, WriterOptions, parse_epi
-from ciir.service.pipeline.options.displays import DisplayOptions
+from ciir.renderer.writers.options import RANGES, PathName, parse_epi
 from ciir.service.pipeline.options.option import Option
 from ciir.service.pipeline.options.values import ValueType, make_integer, make_name, make_number
 
@@ -46,18 +44,3 @@ WRITING = {
     ),
 }
 """Options by name, in the order of the help."""
-
-
-@dataclass(frozen=True)
-class WritingOptions(DisplayOptions):
-    """Values of the options in `WRITING` and `DISPLAYS`."""
-
-    path: PathName = "circle"
-    frames: int = 60
-    fps: float | None = None
-    epi: str = ""
-
-    def make_writer_options(self, suffix: str = "") -> WriterOptions:
-        """Makes the options for a writer. `suffix` is that of the output's name."""
-        given = {field.name: getattr(self, field.name) for field in fields(WritingOptions)}
-        return WriterOptions(suffix, **{name: value for name, value in given.items() if value is not None})

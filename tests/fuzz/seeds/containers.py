@@ -16,7 +16,7 @@ from scipy.io import savemat
 from ciir.renderer.readers.containers.mat import VERSION_5
 from ciir.renderer.readers.lenslet.grid import LensGrid
 from ciir.renderer.writers.containers.video import Mp4Writer
-from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.file_writer import FileWriter
 from ciir.renderer.writers.pictures import encode_png
 from ciir.renderer.writers.writer import Contents
 from tests.fuzz.mutate import edit_values

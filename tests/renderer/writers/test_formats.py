@@ -7,8 +7,8 @@ import pytest
 
 from ciir.errors import InvalidOption
 from ciir.renderer.readers.pictures import decode
+from ciir.renderer.writers.file_writer import FileWriter
 from ciir.renderer.writers.folder import FolderWriter
-from ciir.renderer.writers.formats import FileWriter
 from ciir.renderer.writers.writer import Contents, file_name
 from tests.support.inputs import EIA, make_picture
 

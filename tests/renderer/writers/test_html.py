@@ -9,7 +9,7 @@ import pytest
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.pictures import decode
-from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.file_writer import FileWriter
 from ciir.renderer.writers.writer import Contents
 
 COLOURS = np.array([[[200, 30, 30], [30, 200, 30], [30, 30, 200]], [[200, 200, 30], [30, 200, 200], [200, 30, 200]]])

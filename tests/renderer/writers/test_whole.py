@@ -10,7 +10,7 @@ from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.writers import formats
-from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.file_writer import FileWriter
 from ciir.renderer.writers.options import WriterOptions
 from ciir.renderer.writers.writer import Contents
 from tests.support.displays import CALIBRATION

@@ -35,7 +35,7 @@ def run(args: argparse.Namespace) -> None:
         write_picture(args, options, display)
         return
     path = Path(args.out)
-    name = _find_format(args.to or find_implied(path, options.make_writer_options()), args.out)
+    name = _find_format(args.to or find_implied(path, options), args.out)
     output_path.check_places(args)
     options = replace(options, views="all")
     source = common.open_input(args, options)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
 from ciir.renderer.writers.depth import find_format, write_disparity
-from ciir.renderer.writers.depth.maps import CONFIDENCE, FORMATS
+from ciir.renderer.writers.depth.maps import BY_SUFFIX, CONFIDENCE
 from ciir.service.cli import common, output_path
 from ciir.service.pipeline.focus.disparities import find_disparity
 from ciir.service.pipeline.focus.models import build_model
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.source import Source
 
-_MAPS = tuple(dict.fromkeys(suffix for entry in FORMATS.values() for suffix in entry.suffixes))
 _MODELS = tuple(entry.suffix for entry in MODELS.values())
 
 
@@ -28,8 +27,8 @@ def run(args: argparse.Namespace) -> None:
     """Writes the files, and prints a line about them."""
     path = Path(args.out)
     is_model = path.suffix.lower() in _MODELS and args.to is None
-    if not is_model and args.to is None and path.suffix.lower() not in _MAPS:
-        listed = ", ".join((*_MAPS, *_MODELS))
+    if not is_model and args.to is None and path.suffix.lower() not in BY_SUFFIX:
+        listed = ", ".join((*BY_SUFFIX, *_MODELS))
         raise InvalidOption(f"{path}: not the name of a disparity map or a 3D model; end it with {listed}")
     name = None if is_model else find_format(path, args.to).name
     made = path.suffix.lower().removeprefix(".") if is_model else name

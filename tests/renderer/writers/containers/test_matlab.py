@@ -11,7 +11,7 @@ from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.file_writer import FileWriter
 from ciir.renderer.writers.writer import Contents
 
 SHAPE = (2, 3, 4, 6)

@@ -11,7 +11,7 @@ from PIL import Image
 
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
-from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.file_writer import FileWriter
 from ciir.renderer.writers.writer import Contents
 from tests.support.light_fields import make_views
 

@@ -9,7 +9,7 @@ from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
 from ciir.renderer.writers.containers.camera_paths import draw_frames
 from ciir.renderer.writers.containers.video import find_rate
-from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.file_writer import FileWriter
 from ciir.renderer.writers.options import WriterOptions
 from ciir.renderer.writers.writer import Contents
 

@@ -14,7 +14,7 @@ import pytest
 
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.pictures import decode
-from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.file_writer import FileWriter
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service.jobs.job import FINAL, Request
 from ciir.service.jobs.workers import worker

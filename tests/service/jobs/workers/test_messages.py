@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.file_writer import FileWriter
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service.jobs.job import Problem, Result
 from ciir.service.jobs.workers.messages import Done, parse_message, quote

@@ -12,7 +12,7 @@ from ciir.renderer.framing import frame_scene
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.inputs import read
-from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.file_writer import FileWriter
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service.pipeline.elemental import render_eia
 from ciir.service.pipeline.job import resolve_array

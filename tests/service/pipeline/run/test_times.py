@@ -15,7 +15,8 @@ from ciir.renderer.limits import Limits
 from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.scene import Texture
-from ciir.renderer.writers.formats import FORMATS, FileWriter
+from ciir.renderer.writers.file_writer import FileWriter
+from ciir.renderer.writers.formats import FORMATS
 from ciir.renderer.writers.writer import MemoryWriter
 from ciir.service.interface import Reconstruction
 from ciir.service.pipeline import run as pipeline

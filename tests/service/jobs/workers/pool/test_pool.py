@@ -20,7 +20,7 @@ from ciir.errors import Cancelled, WorkerDied
 from ciir.models import cards
 from ciir.models.catalogue import SHIPPED
 from ciir.renderer.readers.bundle import Bundle
-from ciir.renderer.writers.formats import FileWriter
+from ciir.renderer.writers.file_writer import FileWriter
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service.jobs import lanes
 from ciir.service.jobs.job import INTERNAL_ERROR, Problem, Result
