@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from base64 import b64encode
 from hashlib import sha256
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from fastapi import APIRouter, Request, Response
 from starlette.exceptions import HTTPException
 
-from ciir.renderer.writers import html
+from ciir.renderer.writers import formats, html, pictures, stacks
+from ciir.renderer.writers.depth import maps
+from ciir.service.pipeline.options import KINDS
 from ciir.service.web.middleware.tracking import ANY_FRAME
 from ciir.service.web.routes.results import has_tag
 
@@ -32,6 +35,15 @@ FILES = {
     if path.suffix in MEDIA_TYPES
 }
 """All files that are served, by name."""
+_FORMATS = {
+    "PICTURES": pictures.FORMATS,
+    "VIDEOS": formats.VIDEOS,
+    "WHOLE": [name for name in KINDS["reconstruction"].formats if name in formats.WHOLE and name != "epi"],
+    "STACKS": stacks.STACK,
+    "MAPS": maps.FORMATS,
+}
+MADE = {"formats.js": "".join(f"export const {key} = {json.dumps([*names])};\n" for key, names in _FORMATS.items())}
+"""The content of files that the server makes, by name: the names of formats, for the page's menu."""
 _MAP = FILES["index.html"].read_bytes().partition(b'<script type="importmap">')[2].partition(b"</script>")[0]
 POLICY = (
     # The import map is not code: it names the files of packages, and must be inside the page, hence its hash.
@@ -68,9 +80,9 @@ def read_asset(request: Request, name: str) -> Response:
 
 
 def _respond(request: Request, name: str, headers: dict[str, str]) -> Response:
-    if name not in FILES:
+    if name not in FILES and name not in MADE:
         raise HTTPException(404)
-    content = FILES[name].read_bytes()
+    content = MADE[name].encode() if name in MADE else FILES[name].read_bytes()
     digest = sha256(content).hexdigest()[:32]
     is_fixed = name.startswith(VERSIONED)
     headers |= {
@@ -79,4 +91,4 @@ def _respond(request: Request, name: str, headers: dict[str, str]) -> Response:
     }
     if has_tag(request.headers.getlist("if-none-match"), f'"{digest}"'):
         return Response(status_code=304, headers=headers)
-    return Response(content, headers=headers, media_type=MEDIA_TYPES[FILES[name].suffix])
+    return Response(content, headers=headers, media_type=MEDIA_TYPES[PurePath(name).suffix])

@@ -1,3 +1,4 @@
+import json
 import re
 import shutil
 import subprocess
@@ -8,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from ciir.renderer.scenes import SCENES
+from ciir.renderer.writers.depth import maps
+from ciir.service.pipeline.options import KINDS
 from ciir.service.web.page import routes
 from tests.support.paths import ROOT
 from tests.support.web import check_problem, run_app
@@ -64,6 +67,12 @@ def test_a_file_has_its_type_and_is_sent_once(client, path):
     assert client.get(path, headers={"If-None-Match": '"other"'}).status_code == 200
     head = client.head(path)
     assert (head.status_code, head.content, head.headers["etag"]) == (200, b"", tag)
+
+
+def test_the_names_of_formats_are_those_of_the_registries(client):
+    lines = dict(re.findall(r"^export const (\w+) = (.+);$", client.get("/assets/formats.js").text, re.MULTILINE))
+    assert json.loads(lines["MAPS"]) == list(maps.FORMATS)
+    assert {*json.loads(lines["PICTURES"]), *json.loads(lines["WHOLE"]), "epi"} == set(KINDS["reconstruction"].formats)
 
 
 def test_names_with_a_version_never_change(client, monkeypatch, tmp_path):

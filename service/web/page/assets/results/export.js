@@ -1,6 +1,7 @@
 // @ts-check
 /** Downloads in every format that the server writes. */
 import { find, make } from "../dom.js";
+import { MAPS, PICTURES, STACKS, VIDEOS, WHOLE } from "../formats.js";
 import { leaveExport } from "../job/job.js";
 import { readState } from "../state.js";
 import { EXAMPLES, FORMATS, GROUPS, TEXTS } from "../texts.js";
@@ -15,8 +16,6 @@ import { EXAMPLES, FORMATS, GROUPS, TEXTS } from "../texts.js";
  */
 /** @typedef {import("../input/ranges.js").Range} Range */
 
-const PICTURES = ["png", "tiff", "jpeg", "webp"];
-const VIDEOS = ["mp4", "webm", "gif", "animated-webp"];
 const MESHES = ["mesh", "scene"];
 /** Options that some formats need, with a first value if there is one. Those in CHOICES take one of its values, and those in FILES the text of a file. */
 const FIRST = /** @type {Record<string, string>} */ ({ stack: "-1:1:16", time: "0:1:24", rotate: "0:360:60", epi: "", print: "6x4in", lpi: "60", dpi: "600" });
@@ -31,11 +30,7 @@ export const EXPORTS = {
   view: { kind: "reconstructions", formats: PICTURES },
   times: { kind: "reconstructions", formats: [...VIDEOS, "zip"], needs: ["time"], only: ["animated"] },
   turntable: { kind: "reconstructions", formats: [...VIDEOS, "zip"], needs: ["rotate"], only: MESHES },
-  all: {
-    kind: "reconstructions",
-    formats: ["zip", "html", "tiles", "npz", "eia", "mosaic", "eslf", "stack", "npy", "mat", "mat73", "hci", ...VIDEOS],
-    fields: { views: "all" },
-  },
+  all: { kind: "reconstructions", formats: [...new Set(["zip", "html", "tiles", ...WHOLE])], fields: { views: "all" } },
   "all epi": { kind: "reconstructions", formats: ["epi"], fields: { views: "all" }, needs: ["epi"] },
   displays: { kind: "displays", formats: ["quilt"], needs: ["device"] },
   "displays lenticular": { kind: "displays", formats: ["lenticular"], needs: ["calibration"] },
@@ -43,8 +38,8 @@ export const EXPORTS = {
   "displays panel": { kind: "displays", formats: ["panel"], needs: ["display"] },
   elementals: { kind: "elementals", formats: PICTURES, only: MESHES },
   plane: { kind: "planes", formats: PICTURES, needs: ["disparity"] },
-  stack: { kind: "planes", formats: ["zip", "stack", "npy", "npz", ...VIDEOS], needs: ["stack"] },
-  disparities: { kind: "disparities", formats: ["pfm", "tiff", "png", "npy", "viridis", "zip", "glb", "ply"] },
+  stack: { kind: "planes", formats: STACKS, needs: ["stack"] },
+  disparities: { kind: "disparities", formats: [...MAPS, "zip", "glb", "ply"] },
 };
 /** Options that a kind of job can't use, and options that it can't use if the input is a mesh. */
 const USELESS = /** @type {Record<string, string[]>} */ ({ displays: ["model", "scale"], elementals: ["model", "scale"] });
