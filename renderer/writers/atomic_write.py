@@ -50,9 +50,11 @@ def _check_folder(path: Path) -> None:
 
 
 def _partial(folder: Path, name: str) -> Path:
-    """Returns the name of `name` while it isn't finished: hidden, unique, in `folder`, which is created."""
+    """Returns the name of `name` while it isn't finished: hidden, unique, in `folder`, which is created. It has the
+    first 50 characters of `name`, at most 200 bytes, because file systems allow 255.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    return folder / f".{name}.{uuid.uuid4().hex[:12]}.partial"
+    return folder / f".{name[:50]}.{uuid.uuid4().hex[:12]}.partial"
 
 
 @contextmanager

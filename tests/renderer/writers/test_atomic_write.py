@@ -15,6 +15,17 @@ def test_a_file_appears_whole(tmp_path):
     assert list(target.parent.iterdir()) == [target]
 
 
+@pytest.mark.parametrize("letter", "aä")
+def test_the_longest_names_are_written(tmp_path, letter):
+    """File systems allow 255 bytes."""
+    name = letter * (254 // len(letter.encode()))
+    with replacing(tmp_path / f"{name}1") as file:
+        file.write(b"whole")
+    staged = Staged(tmp_path / f"{name}2")
+    staged.commit()
+    assert {path.name for path in tmp_path.iterdir()} == {f"{name}1", f"{name}2"}
+
+
 def test_an_error_leaves_the_old_file(tmp_path):
     target = tmp_path / "a.bin"
     target.write_bytes(b"old")

@@ -66,9 +66,8 @@ def test_the_coarse_tile_is_the_mean_of_areas(tmp_path):
         (coarse, *_) = json.loads(archive.read("light_field.json"))["tiles"]
         for view, pixels in read_views(archive, coarse, 2):
             expected = field.views[view].reshape(16, 4, 16, 4, 3).mean(axis=(1, 3))
-            assert (
-                np.abs(pixels - expected).mean() < 5
-            )  # JPEG makes 3 of this texture, a pixel of shift before it is shrunk XX
+            # JPEG makes 3 of this texture, and a pixel of shift before it is shrunk 9 to 10.
+            assert np.abs(pixels - expected).mean() < 5
 
 
 def test_the_tiles_come_coarse_first_then_from_the_middle(tmp_path):
