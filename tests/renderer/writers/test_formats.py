@@ -1,5 +1,6 @@
 import io
 import json
+import re
 import zipfile
 
 import numpy as np
@@ -7,10 +8,15 @@ import pytest
 
 from ciir.errors import InvalidOption
 from ciir.renderer.readers.pictures import decode
-from ciir.renderer.writers.file_writer import FileWriter
+from ciir.renderer.writers.depth import maps
+from ciir.renderer.writers.file_writer import FileWriter, make_writer
 from ciir.renderer.writers.folder import FolderWriter
-from ciir.renderer.writers.writer import Contents, file_name
+from ciir.renderer.writers.formats import FORMATS
+from ciir.renderer.writers.options import WriterOptions
+from ciir.renderer.writers.pictures import FORMATS as PICTURES
+from ciir.renderer.writers.writer import Contents, Writer, file_name
 from tests.support.inputs import EIA, make_picture
+from tests.support.paths import ROOT
 
 VIEWS = [(0, 1), (14, 0), (100, 7)]
 
@@ -26,6 +32,24 @@ def fill(writer, dtype=np.uint8):
     writer.finish({"answer": 42, "notes": []})
     assert names == [file_name(view) for view in VIEWS]
     return names, pictures
+
+
+def test_every_format_is_in_the_docs():
+    page = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
+    views, _, disparities = page.partition("### Disparity maps")
+    rows = {
+        name: row for names, row in re.findall(r"^\| ([\w, -]+) (\|.*)$", views, re.M) for name in names.split(", ")
+    }
+    for name, entry in FORMATS.items():
+        module = f"pictures/{name}" if name in PICTURES else entry.writer.partition(":")[0].replace(".", "/")
+        assert rows[name].endswith(f"| `renderer/writers/{module}.py` |")
+    for name, kind in maps.FORMATS.items():
+        assert f"| {name} | {', '.join(f'`{suffix}`' for suffix in kind.suffixes)} |" in disparities
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_every_writer_is_found(name):
+    assert isinstance(make_writer(FORMATS[name], io.BytesIO(), WriterOptions()), Writer)
 
 
 def test_names():
