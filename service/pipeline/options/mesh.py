@@ -2,22 +2,99 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
-from typing import Literal, Self, get_args
+from typing import Any, Literal, Self, get_args
+
+import numpy as np
 
 from ciir.errors import InvalidOption
 from ciir.renderer.placement import FACTORS, Fit, Placement, Up
 from ciir.service.pipeline.options import values
 from ciir.service.pipeline.options.option import Option
 from ciir.service.pipeline.options.rotation import ROTATION, Rotation, list_yaws
-from ciir.service.pipeline.options.values import make_angles, make_name, make_number
+from ciir.service.pipeline.options.values import (
+    MOST_FRAMES,
+    ValueType,
+    check_number,
+    convert_whole_numbers,
+    make_angles,
+    make_form,
+    make_name,
+    make_number,
+    write_number,
+)
 
 Backend = Literal["auto", "raster", "raytrace"]
 Sampling = Literal["pinhole", "lenslet"]
 Moment = dict[str, float]
 """A frame in a video of one view: its `time` in seconds, or its `yaw` in degrees."""
+_SECONDS = r"[0-9]{1,6}(\.[0-9]{1,9})?"
+_NAMED_COLOURS = {
+    "aqua": "0ff", "black": "000", "blue": "00f", "fuchsia": "f0f", "gray": "808080", "green": "008000", "lime": "0f0",
+    "maroon": "800000", "navy": "000080", "olive": "808000", "purple": "800080", "red": "f00", "silver": "c0c0c0",
+    "teal": "008080", "white": "fff", "yellow": "ff0",
+}  # fmt: skip
+"""The basic colours of CSS (CSS Color Module Level 4, 6.1)."""
+_COLOUR = f"#?([0-9a-fA-F]{{3}}){{1,2}}|{'|'.join(_NAMED_COLOURS)}"
 
 
+def _read_colour(name: str, text: str) -> tuple[int, int, int]:
+    bare = text.strip().lower()
+    if re.fullmatch(_COLOUR, bare) is None:
+        raise InvalidOption(
+            f"{name}: {text[:40]!r} is not an opaque colour; give RRGGBB in hexadecimal, such as 00ff00, or a name, "
+            "such as lime (nothing is transparent: give a colour that can be keyed out)"
+        )
+    digits = _NAMED_COLOURS.get(bare, bare.removeprefix("#"))
+    red, green, blue = bytes.fromhex("".join(digit * 2 for digit in digits) if len(digits) == 3 else digits)
+    return red, green, blue
+
+
+def _parse_times(name: str, times: str) -> tuple[float, ...]:
+    if ":" in times:
+        start, stop, count = times.split(":")
+        found = _space_evenly(float(start), float(stop), min(int(count), MOST_FRAMES + 1))
+    else:
+        found = tuple(map(float, times.split(",")))
+    if len(found) > MOST_FRAMES:
+        raise InvalidOption(f"{name}: more than {MOST_FRAMES:,} times are given; give fewer")
+    return found
+
+
+def _space_evenly(start: float, stop: float, count: int) -> tuple[float, ...]:
+    """Returns `count` times from `start` to `stop`, both included, to a nanosecond."""
+    return tuple(round(float(time), 9) for time in np.linspace(start, stop, count))
+
+
+def _convert_times(value: Any) -> tuple[float, ...]:
+    times = tuple(round(float(check_number(time)), 9) for time in (value if hasattr(value, "__iter__") else [value]))
+    if not 0 < len(times) <= MOST_FRAMES or not all(0 <= time < 1e6 for time in times):
+        raise ValueError
+    return times
+
+
+def _write_times(times: tuple[float, ...]) -> str:
+    texts = [write_number(time, 9) for time in times]
+    is_even = len(times) > 2 and times == _space_evenly(times[0], times[-1], len(times))
+    return f"{texts[0]}:{texts[-1]}:{len(times)}" if is_even else ",".join(texts)
+
+
+COLOUR = ValueType(
+    {"type": "string", "pattern": f"^({_COLOUR})?$"},
+    _read_colour,
+    lambda value: convert_whole_numbers(value, 3, 255),
+    "red, green and blue from 0 to 255, such as (255, 255, 255)",
+    lambda colour: "{:02x}{:02x}{:02x}".format(*colour),
+)
+TIMES = make_form(
+    f"{_SECONDS}(,{_SECONDS})*|{_SECONDS}:{_SECONDS}:[1-9][0-9]{{0,3}}",
+    form="seconds such as 1.5, several as 0,0.5,1, or START:STOP:COUNT such as 0:2:48",
+    parse=_parse_times,
+    convert=_convert_times,
+    needed="seconds such as 1.5, or several such as (0, 0.5, 1)",
+    write=_write_times,
+)
 MESH = {
     "up": Option(
         "AXIS",
@@ -83,14 +160,14 @@ MESH = {
     "background": Option(
         "RRGGBB",
         "colour behind a mesh: 00ff00, #0f0, or a name such as lime (default 000000); none is transparent",
-        values.COLOUR,
+        COLOUR,
         "ffffff",
     ),
     "time": Option(
         "SECONDS",
         "time in a glTF mesh's animation (default: the mesh as it is stored); several, given as 0,0.5,1 or "
         "START:STOP:COUNT, make a video of one view",
-        values.TIMES,
+        TIMES,
         "1.5",
     ),
     "animation": Option(

@@ -24,14 +24,6 @@ ANGLE = r"-?[0-9]{1,3}(\.[0-9]{1,6})?"
 """A pattern for degrees below 1000, to a millionth."""
 MOST_FRAMES = 3600
 """The largest number of times, or of yaws, that can be given."""
-_SECONDS = r"[0-9]{1,6}(\.[0-9]{1,9})?"
-_NAMED_COLOURS = {
-    "aqua": "0ff", "black": "000", "blue": "00f", "fuchsia": "f0f", "gray": "808080", "green": "008000", "lime": "0f0",
-    "maroon": "800000", "navy": "000080", "olive": "808000", "purple": "800080", "red": "f00", "silver": "c0c0c0",
-    "teal": "008080", "white": "fff", "yellow": "ff0",
-}  # fmt: skip
-"""The basic colours of CSS (CSS Color Module Level 4, 6.1)."""
-_COLOUR = f"#?([0-9a-fA-F]{{3}}){{1,2}}|{'|'.join(_NAMED_COLOURS)}"
 _LONGEST_LABEL = 200
 """Most characters allowed in a name from a file."""
 
@@ -110,23 +102,12 @@ def _read_number(name: str, text: str) -> float:
         raise InvalidOption(f"{name}: {text[:40]!r} is not a number; give one such as 0.5") from error
 
 
-def _read_colour(name: str, text: str) -> tuple[int, int, int]:
-    bare = text.strip().lower()
-    if re.fullmatch(_COLOUR, bare) is None:
-        raise InvalidOption(
-            f"{name}: {text[:40]!r} is not an opaque colour; give RRGGBB in hexadecimal, such as 00ff00, or a name, "
-            "such as lime (nothing is transparent: give a colour that can be keyed out)"
-        )
-    digits = _NAMED_COLOURS.get(bare, bare.removeprefix("#"))
-    red, green, blue = bytes.fromhex("".join(digit * 2 for digit in digits) if len(digits) == 3 else digits)
-    return red, green, blue
-
-
 def _refuse(value: Any) -> Any:
     raise TypeError(value)
 
 
-def _convert_whole_numbers(value: Any, count: int, most: int) -> tuple[int, ...]:
+def convert_whole_numbers(value: Any, count: int, most: int) -> tuple[int, ...]:
+    """Converts a sequence of `count` whole numbers from 0 to `most`. Raises `ValueError` and `TypeError`."""
     numbers = tuple(index(check_number(number)) for number in value)
     if len(numbers) != count or not all(0 <= number <= most for number in numbers):
         raise ValueError
@@ -134,7 +115,7 @@ def _convert_whole_numbers(value: Any, count: int, most: int) -> tuple[int, ...]
 
 
 def _convert_pair(value: Any) -> tuple[int, ...]:
-    return _convert_whole_numbers(value, 2, _MOST)
+    return convert_whole_numbers(value, 2, _MOST)
 
 
 def _convert_views(value: Any) -> str:
@@ -144,35 +125,6 @@ def _convert_views(value: Any) -> str:
 
 def _parse_counts(_: str, text: str) -> tuple[int, ...]:
     return tuple(map(int, text.split(",")))
-
-
-def _parse_times(name: str, times: str) -> tuple[float, ...]:
-    if ":" in times:
-        start, stop, count = times.split(":")
-        found = _space_evenly(float(start), float(stop), min(int(count), MOST_FRAMES + 1))
-    else:
-        found = tuple(map(float, times.split(",")))
-    if len(found) > MOST_FRAMES:
-        raise InvalidOption(f"{name}: more than {MOST_FRAMES:,} times are given; give fewer")
-    return found
-
-
-def _space_evenly(start: float, stop: float, count: int) -> tuple[float, ...]:
-    """Returns `count` times from `start` to `stop`, both included, to a nanosecond."""
-    return tuple(round(float(time), 9) for time in np.linspace(start, stop, count))
-
-
-def _convert_times(value: Any) -> tuple[float, ...]:
-    times = tuple(round(float(check_number(time)), 9) for time in (value if hasattr(value, "__iter__") else [value]))
-    if not 0 < len(times) <= MOST_FRAMES or not all(0 <= time < 1e6 for time in times):
-        raise ValueError
-    return times
-
-
-def _write_times(times: tuple[float, ...]) -> str:
-    texts = [write_number(time, 9) for time in times]
-    is_even = len(times) > 2 and times == _space_evenly(times[0], times[-1], len(times))
-    return f"{texts[0]}:{texts[-1]}:{len(times)}" if is_even else ",".join(texts)
 
 
 def write_number(number: float, decimals: int = 6) -> str:
@@ -209,7 +161,7 @@ def make_pair(most: int = _MOST) -> ValueType:
     return ValueType(
         {"type": "string", "pattern": "^([1-9][0-9]{0,5}x[1-9][0-9]{0,5})?$"},
         lambda name, text: read_pair(name, text, most),
-        lambda value: _convert_whole_numbers(value, 2, most),
+        lambda value: convert_whole_numbers(value, 2, most),
         f"rows and columns from 1 to {most:,}, such as (50, 50)",
         lambda pair: "{}x{}".format(*pair),
     )
@@ -220,7 +172,7 @@ MARGINS = make_form(
     "[0-9]{1,6}(,[0-9]{1,6}){3}",
     form="TOP,LEFT,BOTTOM,RIGHT, such as 0,0,7,5",
     parse=_parse_counts,
-    convert=lambda value: _convert_whole_numbers(value, 4, _MOST),
+    convert=lambda value: convert_whole_numbers(value, 4, _MOST),
     needed=f"four whole numbers from 0 to {_MOST:,}, such as (0, 0, 7, 5)",
     write=lambda margins: ",".join(map(str, margins)),
 )
@@ -239,27 +191,12 @@ VIEWS = make_form(
     convert=_convert_views,
     needed="'center', 'cross', 'all', or pairs such as [(0, 0), (7, 7)]",
 )
-TIMES = make_form(
-    f"{_SECONDS}(,{_SECONDS})*|{_SECONDS}:{_SECONDS}:[1-9][0-9]{{0,3}}",
-    form="seconds such as 1.5, several as 0,0.5,1, or START:STOP:COUNT such as 0:2:48",
-    parse=_parse_times,
-    convert=_convert_times,
-    needed="seconds such as 1.5, or several such as (0, 0.5, 1)",
-    write=_write_times,
-)
 TEXT = ValueType({"type": "string"}, _read_text, _refuse, "text")
 LABEL = ValueType(
     {"type": "string", "maxLength": _LONGEST_LABEL},
     _read_label,
     lambda value: str(index(check_number(value))),
     "a name or a whole number, such as 0",
-)
-COLOUR = ValueType(
-    {"type": "string", "pattern": f"^({_COLOUR})?$"},
-    _read_colour,
-    lambda value: _convert_whole_numbers(value, 3, 255),
-    "red, green and blue from 0 to 255, such as (255, 255, 255)",
-    lambda colour: "{:02x}{:02x}{:02x}".format(*colour),
 )
 
 
