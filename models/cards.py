@@ -100,7 +100,8 @@ class Card:
     parameters: int
     """Number of learnt values. Constants, such as the kernel of an interpolated base, do not count."""
     macs_per_output_pixel: float
-    """Multiply-adds of all layers, including an interpolated base, for each output pixel (three channels together)."""
+    """Multiply-adds of all layers, including an interpolated base, for each output pixel (three channels together), of
+    all `runs`."""
     training: Training
     protocol: str
     """How `accuracy` was measured."""
@@ -111,6 +112,8 @@ class Card:
     """The type that convolutions compute in, one of `PRECISIONS`; see `models.processor` for int8."""
     float_twin: str = ""
     """For an int8 network, the name of the float network that it was made from."""
+    runs: int = 1
+    """For a light-field network, 1 or 2: how many runs its result is the mean of (`models.light_field.network`)."""
     sizes: Sizes = Sizes()
     extra_inputs: tuple[Tensor, ...] = ()
     """Inputs besides `input`, such as a light-field network's window of views around the upscaled one."""
@@ -141,6 +144,8 @@ class Card:
             raise BadCard(f"card {self.name}: precision is {self.precision!r}; give one of {', '.join(PRECISIONS)}")
         if min(self.sizes.minimum, self.sizes.multiple_of) < 1:
             raise BadCard(f"card {self.name}: sizes are {self.sizes}; at least 1 is needed")
+        if self.runs not in ((1, 2) if self.is_light_field else (1,)):
+            raise BadCard(f"card {self.name}: runs is {self.runs}; give 1, or 2 for a light-field network")
         if self.is_light_field:
             self._check_light_field()
         if self.radius < 0:

@@ -35,7 +35,8 @@ turned by up to half a degree, it is 0.1 to 0.5."""
 SURROUNDED, MOST = 0.3, 0.45
 """The fallback's share in the mean that replaces a filtered view. The first is for views with two others on each side.
 The second is for all others, for which the light-field network is weaker. On five views of each of three captured light
-fields with bicubic LR this gains 0.1 to 0.7 dB with `field` and 0.1 to 0.4 with `field-quality` on average."""
+fields with bicubic LR this gains 0.1 to 0.7 dB with `field` on average. If the network's picture is the mean of two
+runs, each counts as much, so that the fallback's share is half of this."""
 
 
 class Finishing(NamedTuple):
@@ -81,6 +82,7 @@ def finish_view(
     upscale_alone: Callable[[], tuple[NDArray[np.uint16], float]],
     *,
     is_surrounded: bool,
+    runs: int,
     disparities: Range,
     misalignment: float,
 ) -> Finishing:
@@ -93,8 +95,8 @@ def finish_view(
     would make up more than `MINIMUM_FALLBACK_SHARE` of the view. If the view was downscaled with an antialiasing
     filter, it becomes a mean with the fallback's picture; if it has no noise, it is brought closer to its input
     (`models.back_projection.restore_luma`). `upscale_alone` returns the fallback's picture and the share of
-    interpolation in it. `is_surrounded`: whether there are two views on each side. `disparities`: the range that was
-    measured in the view, for the result.
+    interpolation in it. `is_surrounded`: whether there are two views on each side. `runs`: how many runs of the network
+    `picture` is the mean of. `disparities`: the range that was measured in the view, for the result.
     """
     finishing = Finishing(1.0, disparities=disparities, misalignment=misalignment)
     if finishing.is_misaligned:
@@ -106,7 +108,7 @@ def finish_view(
     share = float(np.mean(weight > 0.5))
     finishing = finishing._replace(fallback=share, sampling=sampling)
     if sampling and finishing.is_averaged:
-        most = SURROUNDED if is_surrounded else MOST
+        most = (SURROUNDED if is_surrounded else MOST) / runs
         np.maximum(weight, np.float32(most * sampling.likeness), out=weight)
     if weight.any():
         alone, interpolated = upscale_alone()

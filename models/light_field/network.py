@@ -8,7 +8,7 @@ import numpy as np
 
 from ciir.errors import InvalidImage
 from ciir.models import tiles
-from ciir.models.light_field.planes import describe_window
+from ciir.models.light_field.planes import describe_window, stagger
 from ciir.models.light_field.windows import WINDOW_SIDE
 from ciir.models.sessions import OnnxNetwork
 from ciir.models.upscaler import check_images, clip_output
@@ -16,7 +16,7 @@ from ciir.models.upscaler import check_images, clip_output
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ciir.models.light_field.planes import Range
+    from ciir.models.light_field.planes import Range, Window
     from ciir.models.light_field.windows import Axis
 
 LUMA = (0.299, 0.587, 0.114)
@@ -25,6 +25,11 @@ LUMA = (0.299, 0.587, 0.114)
 
 class LightFieldNetwork(OnnxNetwork):
     """A shipped light-field network; see `training.networks.light_field` for what it computes."""
+
+    @property
+    def runs(self) -> int:
+        """How many runs its results are means of, 1 or 2."""
+        return self.card.runs
 
     def __call__(
         self,
@@ -45,16 +50,37 @@ class LightFieldNetwork(OnnxNetwork):
 
         Returns `(N, 3, scale*H, scale*W)`, a new array clipped to [0, 1], and the uncertainty, `(N, 1, H, W)`, at least
         0. It measures how badly the neighbouring views match the view, and is 1 or more where they don't. Everything is
-        computed in one run; `models.light_field.views` cuts large views into tiles.
+        computed at once; `models.light_field.views` cuts large views into tiles.
+
+        If `runs` is 2, both are means of two: in the second, everything is mirrored (geometric
+        self-ensemble: Lim et al., "Enhanced deep residual networks", CVPRW 2017), and its planes lie between those of
+        the first.
 
         Raises the same errors as `Upscaler.__call__`.
         """
         check_images(image)
         _check_around(image, around)
+        planes = self.card.planes
+        if self.runs == 1:
+            return self._run_once(image, around, describe_window(rows, cols, disparities, planes), cores)
+        first, second = stagger(disparities, planes)
+        mirrored_cols, places = cols.mirror()
+        window = around.reshape(len(image), WINDOW_SIDE, WINDOW_SIDE, *image.shape[2:])
+        mirrored = image[..., ::-1], window[:, :, places, :, ::-1].reshape(around.shape)
+        results = self._run_once(image, around, describe_window(rows, cols, first, planes), cores)
+        others = self._run_once(*mirrored, describe_window(rows, mirrored_cols, second, planes), cores)
+        large, uncertainty = (
+            (one + other[..., ::-1]) * np.float32(0.5) for one, other in zip(results, others, strict=True)
+        )
+        return large, uncertainty
+
+    def _run_once(
+        self, image: NDArray[np.float32], around: NDArray[np.float32], window: Window, cores: int | None
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         size = self.card.sizes.round_up(*image.shape[2:])
         image, kept = tiles.pad_pictures(image, *size, scale=self.scale)
         around, _ = tiles.pad_pictures(around, *size, scale=self.scale)
-        window = describe_window(rows, cols, disparities, self.card.planes).trim()
+        window = window.trim()
         inputs = {"image": image, "around": around, "down": window.down, "across": window.across}
         large, uncertainty = self.run(inputs | {"window": window.description}, cores)
         small = tuple(slice(side.start // self.scale, side.stop // self.scale) for side in kept)

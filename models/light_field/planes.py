@@ -49,6 +49,14 @@ def place_planes(disparities: Range, count: int) -> NDArray[np.float64]:
     return np.linspace(middle - half, middle + half, count)
 
 
+def stagger(disparities: Range, count: int) -> tuple[Range, Range]:
+    """Returns two ranges that contain `disparities` and whose `count` planes lie between one another's."""
+    first, second = place_planes(disparities, count)[:2]
+    half = float(second - first) / 2
+    lowest, highest = disparities
+    return Range(lowest - half, highest), Range(lowest, highest + half)
+
+
 class Window(NamedTuple):
     """The inputs of a network that describe a window of views and its planes."""
 

@@ -130,6 +130,7 @@ def _upscale_distinct(
             samplings[number],
             alone,
             is_surrounded=surrounded,
+            runs=job.network.runs,
             disparities=output.find_range(number),
             misalignment=output.misalignments[number] if finds_sampling else 0.0,
         )

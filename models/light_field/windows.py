@@ -29,6 +29,14 @@ class Axis(NamedTuple):
     present: NDArray[np.float32]
     """`(WINDOW_SIDE,)`: 1 for the view itself, 0.5 for another, 0 where the grid has no more."""
 
+    def mirror(self) -> tuple[Axis, list[int]]:
+        """Returns the axis of the mirrored grid, and the places of its views in this one, `WINDOW_SIDE`. Views that the
+        grid doesn't have stay last.
+        """
+        shown = int(np.count_nonzero(self.present))
+        places = [*range(shown - 1, -1, -1), *range(shown, len(self.views))]
+        return Axis(tuple(self.views[place] for place in places), self.present[places]), places
+
 
 def select_axis(position: int, count: int) -> Axis:
     """Selects the window around row or column `position` of `count`: two to each side, moved inwards at the border.

@@ -59,7 +59,7 @@ class IntegerLightFieldNetwork:
     its uncertainty stays below `CONFIDENT`.
     """
 
-    scale, threads = 2, 1
+    scale, threads, runs = 2, 1, 1
 
     def __init__(self, layers=3, radius=None, *, is_confident=False):
         self.radius = layers if radius is None else radius

@@ -40,6 +40,7 @@ def test_written_and_read_back(tmp_path):
         ({"training": {"recipe": [], "commit": "", "iterations": 1, "seed": 0}}, r"recipe is \[\]; dict"),
         ({"name": "other"}, "names its network 'other'"),
         ({"precision": "float16"}, "precision is 'float16'; give one of float32, int8"),
+        ({"runs": 2}, "runs is 2; give 1, or 2 for a light-field network"),
         ({"sizes": {"minimum": 0}}, "at least 1 is needed"),
         ({"sizes": {"square": 1}}, "square is 1; bool"),
         ({"sizes": {"maximum": 9}}, "'maximum' is unknown"),

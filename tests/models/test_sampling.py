@@ -143,7 +143,7 @@ def test_both_halves_of_a_view_count(height):
 class Making:
     """A stand-in for a light-field network, which makes one picture of every view, and is certain of it."""
 
-    scale, radius, threads = 2, 2, 1
+    scale, radius, threads, runs = 2, 2, 1, 1
 
     def __init__(self, fine):
         self.planes = np.moveaxis(fine, 2, 0)[np.newaxis].astype(np.float32) / 255
@@ -183,7 +183,7 @@ def test_views_are_restored_as_they_were_sampled(monkeypatch):
 class MakingTwo:
     """A stand-in for a light-field network, which makes what it is given for each view, known by its first pixel."""
 
-    scale, radius, threads = 2, 2, 1
+    scale, radius, threads, runs = 2, 2, 1, 1
 
     def __init__(self, pictures):
         self.pictures = pictures

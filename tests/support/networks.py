@@ -13,7 +13,7 @@ from ciir.models.cards import Tensor, read_card
 class StandIn:
     """Repeats each pixel and moves it halfway to the mean luma of the window, so that a wrong view is noticed."""
 
-    name, scale, radius, threads = catalogue.LIGHT_FIELD_DEFAULT, 2, 0, 1
+    name, scale, radius, threads, runs = catalogue.LIGHT_FIELD_DEFAULT, 2, 0, 1, 1
     card = read_card(catalogue.SHIPPED / f"{name}.json")
     uncertainty = 0.3
 

@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 
 Value = TypeVar("Value", np.float32, np.bool_)
 
-MAXIMUM_DISPARITY = 12
+MAXIMUM_DISPARITY = 18
 """Largest whole disparity that is searched for, pixels from one view to the next."""
 UNSHIFTED_DISPARITY = 1
 """Up to this disparity views are not shifted, because networks find it themselves."""
-SHIFT_STEP = 3
-"""Shifts are multiples of this, so that at most one pixel of the disparity is left to the network and a scene has few
-different shifts, each of which costs a run of the network."""
+SHIFT_STEP = 2
+"""Shifts are multiples of this, so that little more than a pixel of the disparity is left to the network and a scene
+has few different shifts, each of which costs a run of the network."""
 MAXIMUM_RATIO = 0.8
 """A shift is used if it reduces the difference between views to at most this share."""
 SHIFT_TILE = 8

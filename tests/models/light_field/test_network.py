@@ -1,5 +1,7 @@
 """The shipped light-field networks on rendered views: they gain accuracy, do no harm, and keep the parallax."""
 
+import dataclasses
+from copy import copy
 from functools import cache
 
 import numpy as np
@@ -165,6 +167,32 @@ def test_any_grid(name):
         views = {(v, u): render_low("globe")[v, u] for v in range(grid[0]) for u in range(grid[1])}
         got, _ = upscale_views(network, catalogue.load_upscaler("fast"), views, list(views), grid)
         assert got.shape == (len(views), 2 * LENSES, 2 * LENSES, 3)
+
+
+@pytest.mark.parametrize("at", [(2, 2), (0, 1), (1, 4)])
+def test_two_runs_are_the_mean_of_one_and_of_a_mirrored_one_with_planes_between(at):
+    network = catalogue.load_light_field_network("field-quality")
+    assert network.card.runs == 2
+    views = render_low("vase")[:4].astype(np.float32) / 255  # four rows: the last of a window is absent
+    side = 24
+    image = views[at][20 : 20 + side, 20 : 20 + side].transpose(2, 0, 1)[None]
+
+    def run(network, image, grid, at, disparities):
+        rows, cols = select_axis(at[0], 4), select_axis(at[1], 5)
+        around = grid[:, :, 20 : 20 + side, 20 : 20 + side].mean(4)[np.ix_(rows.views, cols.views)]
+        return network(image, around.reshape(1, 25, side, side), rows, cols, disparities)
+
+    both = run(network, image, views, at, Range(-1.0, 1.0))
+    once = copy(network)
+    once.card = dataclasses.replace(network.card, runs=1)
+    half = 1 / 11  # of the distance of 12 planes over two pixels
+    first = run(once, image, views, at, Range(-1 - half, 1.0))
+    start = LENSES - 20 - side  # of the same part in mirrored views
+    flipped = np.roll(views[:, ::-1, :, ::-1], 20 - start, axis=3)
+    second = run(once, image[..., ::-1], flipped, (at[0], 4 - at[1]), Range(-1.0, 1 + half))
+    for mean, one, other in zip(both, first, second, strict=True):
+        np.testing.assert_allclose(mean, (one + other[..., ::-1]) / 2, atol=1e-6)
+        assert np.abs(one - other[..., ::-1]).max() > 1e-3
 
 
 @each_network

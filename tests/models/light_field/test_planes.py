@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ciir.models.light_field.planes import LEAST, PHASE, REACH, Range, describe_window, place_planes
+from ciir.models.light_field.planes import LEAST, PHASE, REACH, Range, describe_window, place_planes, stagger
 from ciir.models.light_field.windows import WINDOW_SIDE, select_axis
 
 ENDS = st.floats(-2, 2)
@@ -18,6 +18,16 @@ def test_planes_are_evenly_spread_over_the_range(one, other, count):
     steps = np.diff(planes)
     np.testing.assert_allclose(steps, max((high - low) / (count - 1), LEAST), atol=1e-12)
     assert planes.mean() == pytest.approx((low + high) / 2, abs=1e-12)
+
+
+@given(ENDS, ENDS, st.integers(2, 20))
+def test_staggered_planes_lie_in_the_middle_between_one_another_s(one, other, count):
+    low, high = sorted((one, other))
+    first, second = (place_planes(disparities, count) for disparities in stagger(Range(low, high), count))
+    step = first[1] - first[0]
+    np.testing.assert_allclose(second - first, step / 2, atol=step / count)  # the wider range has wider steps
+    assert min(*first, *second) <= low
+    assert max(*first, *second) >= high
 
 
 @given(ENDS, st.floats(0, 2), st.sampled_from([(2, 5), (0, 5), (3, 4), (1, 3)]), st.integers(2, 12))

@@ -69,3 +69,13 @@ def test_the_middle_of_a_window_is_the_nearest_view_with_others_on_each_side(row
         middle = find_middle(view, grid)
         assert middle == nearest
         assert set(list_required_views([middle], grid)) <= set(list_required_views([view], grid))
+
+
+@given(st.integers(1, 12).flatmap(lambda count: st.tuples(st.integers(0, count - 1), st.just(count))))
+def test_a_mirrored_axis_is_that_of_the_view_in_the_mirrored_grid(place):
+    position, count = place
+    own, expected = select_axis(position, count), select_axis(count - 1 - position, count)
+    mirrored, places = own.mirror()
+    assert mirrored.present.tolist() == expected.present.tolist()
+    assert [count - 1 - view for view in mirrored.views] == list(expected.views)
+    assert mirrored.views == tuple(own.views[place] for place in places)
