@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from ciir.models.light_field.planes import Range
     from ciir.models.light_field.windows import View
 
-STEP = 0.25
-"""Pixels between two planes."""
+STEP, FINE_STEP = 0.25, 0.15
+"""Pixels between two planes, and for views that are matched, which gain by it if disparities are large."""
 MOST_PLANES = 96
 """For wider ranges the planes lie further apart."""
 PATCH = 5
@@ -40,15 +40,15 @@ LEAST_SLOPE = np.float32(0.06**2)
 """Added to the mean squared gradient, in units of contrast: flat parts keep the disparity of their plane."""
 
 
-def estimate_disparity(own: Plane, beside: Mapping[View, Plane], limits: Range) -> Plane:
+def estimate_disparity(own: Plane, beside: Mapping[View, Plane], limits: Range, *, step: float = STEP) -> Plane:
     """Estimates by how many pixels the content of `own` moves towards larger coordinates from one view to the next.
 
     `own`: the view's luma in units of its contrast, `(H, W)`. `beside`: the luma of other views of its row and its
-    column, by offset (down, right), of which one is 0. `limits`: the smallest and the largest disparity. Returns
-    `(H, W)`.
+    column, by offset (down, right), of which one is 0. `limits`: the smallest and the largest disparity. `step`: pixels
+    between two planes. Returns `(H, W)`.
     """
     nearest = _list_nearest(beside)
-    disparity = _sweep(own, nearest, limits)
+    disparity = _sweep(own, nearest, limits, step)
     farther = {offset: luma for offset, luma in beside.items() if offset not in nearest}
     for views in (nearest, farther or nearest):
         disparity += _find_step(own, views, disparity)
@@ -62,11 +62,11 @@ def _list_nearest(beside: Mapping[View, Plane]) -> dict[View, Plane]:
     return {offset: beside[offset] for line in lines for offset in line[:NEAREST]}
 
 
-def _sweep(own: Plane, beside: Mapping[View, Plane], limits: Range) -> Plane:
+def _sweep(own: Plane, beside: Mapping[View, Plane], limits: Range, step: float) -> Plane:
     """Returns the disparity of the plane at which the views differ least."""
     from scipy import ndimage  # imported here because most jobs don't need it
 
-    count = min(MOST_PLANES, max(2, math.ceil((limits.highest - limits.lowest) / STEP) + 1))
+    count = min(MOST_PLANES, max(2, math.ceil((limits.highest - limits.lowest) / step) + 1))
     planes = np.linspace(limits.lowest, limits.highest, count)
     lines = {offset: _make_lines(luma, offset, limits) for offset, luma in beside.items()}
     least = np.full(own.shape, np.inf, np.float32)

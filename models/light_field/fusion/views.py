@@ -8,7 +8,7 @@ import numpy as np
 
 from ciir.bit_depth import count_raised_bits, lower_levels, raise_levels
 from ciir.models.back_projection import measure_contrast, restore_luma
-from ciir.models.light_field.fusion.disparity import estimate_disparity
+from ciir.models.light_field.fusion.disparity import FINE_STEP, STEP, estimate_disparity
 from ciir.models.light_field.fusion.matching import Seen, match_views
 from ciir.models.light_field.fusion.pixels import fuse_lumas
 from ciir.models.light_field.network import compute_luma
@@ -212,7 +212,8 @@ class FusingUpscaler:
             if (v, u) != view
         }
         limits = Range(*(limit / self._stride for limit in self._upscaled[view].finishing.disparities))
-        self._disparities[view] = estimate_disparity(compute_luma(small, contrast), beside, limits)
+        step = FINE_STEP if self._matches else STEP
+        self._disparities[view] = estimate_disparity(compute_luma(small, contrast), beside, limits, step=step)
 
     def _fuse_row(self, view: View) -> None:
         picture = self._upscaled[view].picture

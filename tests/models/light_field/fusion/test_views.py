@@ -140,7 +140,7 @@ def test_disparities_are_those_of_windows(monkeypatch):
     monkeypatch.setattr(
         fusion_views,
         "estimate_disparity",
-        lambda own, beside, limits: seen.append(limits) or estimate(own, beside, limits),
+        lambda own, beside, limits, *, step: seen.append(limits) or estimate(own, beside, limits),
     )
     for stride in (1, 2):
         make_upscaler(Upscaling(), make_views((11, 10)), (11, 10), stride)({}, [(5, 5)])
