@@ -242,7 +242,8 @@ class FusingUpscaler:
         column = {v - view[0]: self._rows[v, u] * unit for v, u in list_line(view, self._grid, 0)}
         fused = fuse_lumas(column.pop(0), column, self._disparities[view], 0)
         noise = sampling.noise * (JPEG_NOISE if self._is_jpeg else 1) if sampling else 0.0
-        matched = self._matches and sampling is not None and sampling.gain > 0
+        is_certain = sampling is not None and sampling.likeness == 1 and sampling.gain > 0
+        matched = self._matches and is_certain  # by the wrong sampling, matching loses more than it gains
         if matched and sampling:
             seen = {
                 (v - view[0], u - view[1]): Seen(compute_luma(self._views[v, u], contrast), self._disparities[v, u])

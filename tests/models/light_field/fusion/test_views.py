@@ -241,6 +241,21 @@ def test_levels_beyond_the_range_are_not_wrapped():
     assert np.abs(fused.astype(int) - single).max() < 100
 
 
+@pytest.mark.parametrize(
+    ("sampling", "expected"),
+    [
+        (Sampling("filter", likeness=1.0, gain=0.5, noise=0.0), True),
+        (Sampling("filter", likeness=0.9, gain=0.9, noise=0.0), False),
+        (Sampling("means", likeness=1.0, gain=0.0, noise=0.0), False),
+        (None, False),
+    ],
+)
+def test_views_are_matched_only_if_it_is_certain_how_they_were_sampled(sampling, expected):
+    views = make_views()
+    _, (got,) = make_upscaler(Upscaling(Finishing(sampling=sampling)), views, matches=True)(views, [(2, 2)])
+    assert (got.is_fused, got.is_matched) == (True, expected)
+
+
 def test_the_rule_of_auto():
     views = make_views()
     for finishing, is_jpeg, is_fused in (
