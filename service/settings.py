@@ -18,7 +18,6 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 from ciir.errors import InvalidOption
 from ciir.model_folder import MODEL_FOLDER
 from ciir.renderer.limits import DEFAULT_LIMITS, Limits
-from ciir.service.pipeline import cache_folder
 from ciir.service.pipeline.limits import SETTINGS
 
 PREFIX = "CIIR_"
@@ -102,7 +101,7 @@ class Settings(BaseSettings):
     # Places
 
     folder: Path | None = None
-    """Folder for jobs, inputs and results; default: `service` in the cache folder."""
+    """Folder for jobs, inputs and results; default: `ciir/service` in `XDG_CACHE_HOME`, else in `~/.cache`."""
     queue: Annotated[str, AfterValidator(_check_queue)] = ""
     """Address of the Redis server that holds the queue, redis://HOST:PORT/NUMBER; several machines can share it.
     Default: a SQLite file in `CIIR_FOLDER`."""
@@ -205,16 +204,18 @@ class Settings(BaseSettings):
     /metrics."""
 
     def find_folder(self) -> Path:
-        """Returns the absolute path of the folder for jobs.
+        """Returns the absolute path of the folder for jobs: `folder`, else one in the user's folder for caches.
 
-        Raises `InvalidOption` if neither it nor a cache folder is known.
+        Raises `InvalidOption` if neither is known.
         """
         if self.folder is not None:
             return self.folder.absolute()
-        cache = cache_folder.folder()
-        if cache is None:
-            raise InvalidOption(f"{PREFIX}FOLDER: not set, and this user has no home folder; name a folder")
-        return cache.absolute() / "service"
+        if cache := os.environ.get("XDG_CACHE_HOME"):
+            return Path(cache).absolute() / "ciir" / "service"
+        try:
+            return Path.home() / ".cache" / "ciir" / "service"
+        except RuntimeError as error:
+            raise InvalidOption(f"{PREFIX}FOLDER: not set, and this user has no home folder; name a folder") from error
 
     @property
     def limits(self) -> Limits:
@@ -232,7 +233,7 @@ class Settings(BaseSettings):
 
 def warn_of_unknown() -> None:
     """Logs a warning for each variable that begins with `CIIR_` but is not a setting."""
-    known = {f"{PREFIX}{name.upper()}" for name in Settings.model_fields} | {cache_folder.NAME, MODEL_FOLDER}
+    known = {f"{PREFIX}{name.upper()}" for name in Settings.model_fields} | {MODEL_FOLDER}
     for name in sorted(name for name in os.environ if name.startswith(PREFIX) and name not in known):
         _log.warning("%s is set, but is not a setting; `ciir serve --show-settings` lists all", name)
 

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 from ciir.model_folder import MODEL_FOLDER
 from ciir.service import settings
-from ciir.service.pipeline import cache_folder
 from ciir.service.pipeline.limits import SETTINGS
 from ciir.service.settings import PREFIX, Settings
 
@@ -29,8 +28,6 @@ Environment variables of `ciir serve` and `ciir worker`. `ciir serve --show-sett
 - A variable whose name begins with `{PREFIX}` but is not a setting is logged as a warning.
 - Limits on inputs ({", ".join(f"`{name}`" for name, _, _ in SETTINGS.values())})
   also hold for the other commands and for Python; an input over one is refused with a line that names the variable.
-- The cache folder, in which `{PREFIX}FOLDER` is by default, is `{cache_folder.NAME}`, else `ciir` in
-  `XDG_CACHE_HOME`, else `~/.cache/ciir`.
 - `{MODEL_FOLDER}` names a folder with further networks: `.onnx` files with their cards, as written by `ciir export`.
   `ciir models` lists them, and all commands, the API and Python accept their names. A process reads the folder once:
   restart `ciir serve` and `ciir worker` after a network was added or changed.

@@ -13,7 +13,7 @@ from tests.support.servers import run_server
 def cache_of_tests(tmp_path_factory):
     """Uses a separate cache folder, so that the user's is neither read nor written."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("CIIR_CACHE", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
         yield
 
 

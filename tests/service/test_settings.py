@@ -228,15 +228,22 @@ def test_an_unknown_name_is_logged(monkeypatch, caplog):
     assert "CIIR_WORKER is set" in caplog.text
     caplog.clear()
     monkeypatch.delenv("CIIR_WORKER")
-    monkeypatch.setenv("CIIR_CACHE", "/tmp")  # noqa: S108 - never opened
+    monkeypatch.setenv("CIIR_MODELS", "/tmp")  # noqa: S108 - never opened
     settings.warn_of_unknown()
     assert caplog.text == ""
 
 
 def test_the_default_folder(monkeypatch, tmp_path):
-    monkeypatch.setenv("CIIR_CACHE", str(tmp_path))
-    assert Settings().find_folder() == tmp_path / "service"
-    monkeypatch.setattr(settings.cache_folder, "folder", lambda: None)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert Settings().find_folder() == tmp_path / "ciir" / "service"
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert Settings().find_folder() == tmp_path / ".cache" / "ciir" / "service"
+
+    def find_no_home():
+        raise RuntimeError
+
+    monkeypatch.setattr(settings.Path, "home", find_no_home)
     with pytest.raises(InvalidOption, match=r"CIIR_FOLDER: .*; name a folder"):
         Settings().find_folder()
 

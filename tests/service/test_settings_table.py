@@ -55,7 +55,6 @@ def test_serve_reports_a_setting_out_of_range(monkeypatch, capsys):
 
 
 OTHER_VARIABLES = {
-    "CIIR_CACHE": "service/pipeline/cache_folder.py",
     "CIIR_IMAGE": "docker-compose.yml",
     "CIIR_MODELS": "ciir/model_folder.py",
     "CIIR_PORT": "docker-compose.yml",
