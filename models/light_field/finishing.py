@@ -32,10 +32,11 @@ fallback makes the whole view. In captured and rendered light fields it is up to
 and up to 0.289 in the 289 views that a gantry took with small errors. If each view is moved by up to 0.5 pixels along
 both axes it is 0.25 to 0.7, and the light-field network is worse than the fallback from about 0.25 on. If each is
 turned by up to half a degree, it is 0.1 to 0.5."""
-MOST = {1: (0.3, 0.45), 2: (0.1, 0.15)}
+FALLBACK_SHARES = {1: (0.3, 0.45), 2: (0.1, 0.15)}
 """The fallback's share in the mean that replaces a filtered view, by the network's runs: for views with two others on
 each side, and for all others, for which a light-field network is weaker. On five views of each of three captured light
-fields with bicubic LR this gains 0.1 to 0.7 dB with `field` on average. The mean of two runs needs less of it."""
+fields with bicubic LR this gains 0.1 to 0.7 dB with `field` on average. The mean of two runs needs
+less of it (docs/experiments.md)."""
 
 
 class Finishing(NamedTuple):
@@ -107,7 +108,7 @@ def finish_view(
     share = float(np.mean(weight > 0.5))
     finishing = finishing._replace(fallback=share, sampling=sampling)
     if sampling and finishing.is_averaged:
-        surrounded, other = MOST[runs]
+        surrounded, other = FALLBACK_SHARES[runs]
         most = surrounded if is_surrounded else other
         np.maximum(weight, np.float32(most * sampling.likeness), out=weight)
     if weight.any():

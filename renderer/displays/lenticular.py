@@ -45,6 +45,8 @@ KEYS = (
 """Entries that are read; the others are ignored, such as a display's serial number."""
 PATTERN = "the display's subpixels form a pattern: they are treated as stripes of red, green and blue"
 INVERTED = "calibration: invView is 0: lenses on a print then show depth inverted; give invView 1 for a print"
+SEEN = "calibration: seen from"
+"""The first words of the note on the viewing distance."""
 CHECK = "check pitch, the lenses per inch, and DPI"
 MOST_SIDE = 100_000
 """Most pixels along a side."""
@@ -166,7 +168,7 @@ def parse_calibration(
         gap = 1 / pitch / 2 / math.tan(math.radians(cone) / 2)
         seen = distance / (distance + gap)
         field_of_view = 2 * math.degrees(math.atan(height / dpi / 2 / distance))
-        notes.append(f"calibration: seen from {distance:g} inches, the pitch of {pitch:g} becomes {pitch * seen:.6g}")
+        notes.append(f"{SEEN} {distance:g} inches, the pitch of {pitch:g} becomes {pitch * seen:.6g}")
     elif stripes == "none":
         notes.append(UNTESTED)
     calibration = Calibration(

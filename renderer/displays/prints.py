@@ -8,7 +8,7 @@ import re
 from dataclasses import replace
 
 from ciir.errors import InvalidOption, TooLarge
-from ciir.renderer.displays.lenticular import MOST_SIDE, Calibration, parse_calibration
+from ciir.renderer.displays.lenticular import MOST_SIDE, SEEN, Calibration, parse_calibration
 from ciir.renderer.displays.screen import FIELD_OF_VIEW
 from ciir.renderer.limits import DEFAULT_LIMITS
 
@@ -103,4 +103,5 @@ def make_calibration(
     found = parse_calibration(json.dumps(numbers).encode(), name="print", remedy=REMEDY, max_pixels=max_pixels)
     strips = found.pitch / (width / dpi)
     seen = f"print: with lpi {lpi:g} and view_distance {distance:.4g}in, {strips:.6g} strips fit into an inch"
-    return replace(found, notes=(seen, *found.notes[1:]))  # the first one has the words of the JSON
+    others = (note for note in found.notes if not note.startswith(SEEN))  # which has the words of the JSON
+    return replace(found, notes=(seen, *others))

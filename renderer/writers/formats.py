@@ -44,7 +44,7 @@ _VIDEOS = (
 )
 VIDEOS = tuple(entry.name for entry in _VIDEOS)
 """The names of the formats that hold frames."""
-TIMES = (*VIDEOS, "zip")
+FORMATS_OF_TIMES = (*VIDEOS, "zip")
 """The names of the formats that hold one view at several times."""
 _STILL = tuple(suffix for suffix in pictures.SUFFIXES if suffix not in index_suffixes(_VIDEOS))
 """The suffixes of pictures without motion: for a whole light field, WebP is an animation."""

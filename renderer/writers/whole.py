@@ -10,7 +10,7 @@ import numpy as np
 
 from ciir.errors import InvalidOption
 from ciir.renderer.light_field import LightField
-from ciir.renderer.writers.formats import TIMES
+from ciir.renderer.writers.formats import FORMATS_OF_TIMES
 from ciir.renderer.writers.writer import Writer, file_name
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ class WholeWriter(Writer):
         contents.refuse_times(self.name)
         rows, columns = contents.grid
         if len(contents.views) != rows * columns:
-            turn = ", or rotate 0:360:60 for a turntable" if contents.is_mesh and self.name in TIMES else ""
+            turn = ", or rotate 0:360:60 for a turntable" if contents.is_mesh and self.name in FORMATS_OF_TIMES else ""
             raise InvalidOption(
                 f"format: {self.name} needs all views, and {len(contents.views)} of {rows}x{columns} are asked "
                 f"for; give views all{turn}"

@@ -11,7 +11,7 @@ import numpy as np
 
 from ciir.errors import InvalidOption
 from ciir.renderer.readers.layout import DEPTH_SENSE_TEXT
-from ciir.renderer.writers.formats import TIMES
+from ciir.renderer.writers.formats import FORMATS_OF_TIMES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -62,8 +62,8 @@ class Contents:
 
     def refuse_times(self, name: str) -> None:
         """Raises `InvalidOption` for pictures at several times or yaws, unless the format `name` can hold them."""
-        if self.times and name not in TIMES:
-            others = f"{', '.join(TIMES[:-1])} or {TIMES[-1]}"
+        if self.times and name not in FORMATS_OF_TIMES:
+            others = f"{', '.join(FORMATS_OF_TIMES[:-1])} or {FORMATS_OF_TIMES[-1]}"
             raise InvalidOption(f"format: {name} holds no pictures at several times or yaws; give {others}")
 
     @property

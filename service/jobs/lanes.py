@@ -97,7 +97,8 @@ def estimate_seconds(request: Request, content: Content) -> float:
     if request.kind == "display":
         larger = 0 if pixels is None or options.model == NO_MODEL else pixels * options.scale**2
         upscaled = larger * _price_pixel(options.model, catalogue.LIGHT_FIELD_DEFAULT)
-        return read + upscaled + _count_rays(request, options) * _SAMPLE
+        fused = pixels * _FUSE if pixels and _is_matched(options, _find_array(options, content)[0]) else 0
+        return read + upscaled + fused + _count_rays(request, options) * _SAMPLE
     if request.kind == "elemental":
         options = replace(options, views="all", model=NO_MODEL)
     if request.kind in ("plane", "disparity"):

@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 
 Stage = Literal["decode", "plan", "render", "map", "upscale", "focus", "encode"]
 STAGES = get_args(Stage)
-"""Stages in the order of the work; `total` follows. `plan` includes measuring the costs that `--strategy auto`
-needs."""
+"""Stages in the order of the work; `total` follows."""
 
 Report = dict[str, Any]
 """A report, ready for JSON. `service.pipeline.run` puts its keys together."""

@@ -98,7 +98,8 @@ def _choose_shifts(costs: NDArray[np.int32], largest: int) -> Iterator[NDArray[n
     best = order[costs[:, order + largest].argmin(axis=1)]
     near = costs[:, largest - UNSHIFTED_DISPARITY : largest + UNSHIFTED_DISPARITY + 1].min(axis=1)
     pays = (np.abs(best) > UNSHIFTED_DISPARITY) & (costs.min(axis=1) < MAXIMUM_RATIO * near)
-    rounded = np.where(pays, (best + SHIFT_STEP // 2) // SHIFT_STEP * SHIFT_STEP, 0)
+    nearest = np.sign(best) * ((np.abs(best) + (SHIFT_STEP - 1) // 2) // SHIFT_STEP * SHIFT_STEP)  # or the smaller one
+    rounded = np.where(pays, nearest, 0)
     for one in rounded:
         shifts = _vote(one)
         values, counts = np.unique(shifts, return_counts=True)

@@ -1,6 +1,6 @@
 """Estimates the disparity of every pixel of a view quickly, for fusion.
 
-A plane sweep over its nearest neighbours in its row and column finds the disparity to a quarter of a pixel. Two steps
+A plane sweep over its nearest neighbours in its row and column finds the disparity to a fraction of a pixel. Two steps
 of least squares on the gradient (Lucas and Kanade, IJCAI 1981) refine it, the second one with views that are farther
 away. `ciir.renderer.focus` is more exact, because it makes pixels agree with their neighbours, and takes 20 times
 as long.

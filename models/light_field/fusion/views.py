@@ -242,8 +242,8 @@ class FusingUpscaler:
         column = {v - view[0]: self._rows[v, u] * unit for v, u in list_line(view, self._grid, 0)}
         fused = fuse_lumas(column.pop(0), column, self._disparities[view], 0)
         noise = sampling.noise * (JPEG_NOISE if self._is_jpeg else 1) if sampling else 0.0
-        is_certain = sampling is not None and sampling.likeness == 1 and sampling.gain > 0
-        matched = self._matches and is_certain  # by the wrong sampling, matching loses more than it gains
+        own = self._samplings[view]  # not a guess from those around it: matching by the wrong sampling does harm
+        matched = self._matches and own is not None and own.likeness == 1 and own.gain > 0
         if matched and sampling:
             seen = {
                 (v - view[0], u - view[1]): Seen(compute_luma(self._views[v, u], contrast), self._disparities[v, u])

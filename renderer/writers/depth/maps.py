@@ -138,3 +138,4 @@ FORMATS = {
 }
 """The formats by name. If several have the same suffix, the first one is its format."""
 BY_SUFFIX = index_suffixes(FORMATS.values())
+"""The formats by suffix."""

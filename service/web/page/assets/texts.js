@@ -152,7 +152,7 @@ export const GROUPS = /** @type {Record<string, string>} */ ({
   disparities: "Depth",
 });
 
-/** Examples of files that describe displays, as in docs/displays.md. */
+/** Examples of files that describe displays; docs/displays.md explains their keys. */
 export const EXAMPLES = /** @type {Record<string, string>} */ ({
   calibration: `{"pitch": 59.914, "DPI": 600,
  "screenW": 3600, "screenH": 2400,

@@ -48,6 +48,15 @@ def test_a_disparity_is_found_to_a_pixel_beyond_what_networks_search(disparity, 
     assert inner.any() == (abs(disparity) > UNSHIFTED_DISPARITY)
 
 
+@pytest.mark.parametrize("disparity", [2, 3, 5, 6])
+def test_reversed_views_have_the_opposite_shifts(disparity):
+    shifts, opposite = (
+        measure_shifts(shift_picture(by, (3, 3), (1, 1)), (1, 1), (3, 3)) for by in (disparity, -disparity)
+    )
+    np.testing.assert_array_equal(opposite[3:-3, 3:-3], -shifts[3:-3, 3:-3])
+    assert np.abs(shifts[3:-3, 3:-3]).min() == disparity // SHIFT_STEP * SHIFT_STEP
+
+
 @pytest.mark.parametrize("disparity", [-1, 0, 1])
 def test_small_disparities_are_left_to_the_network_up_to_the_edge(disparity):
     for grid, view in GRIDS:

@@ -6,6 +6,7 @@ from scipy import ndimage
 
 from ciir.models.light_field.finishing import Finishing
 from ciir.models.light_field.fusion import views as fusion_views
+from ciir.models.light_field.fusion.disparity import FINE_STEP, STEP
 from ciir.models.light_field.fusion.views import (
     MOST_PIXELS,
     FusingUpscaler,
@@ -135,16 +136,22 @@ def test_windows_of_every_second_view():
 
 
 def test_disparities_are_those_of_windows(monkeypatch):
-    seen = []
+    seen, steps = [], set()
     estimate = fusion_views.estimate_disparity
-    monkeypatch.setattr(
-        fusion_views,
-        "estimate_disparity",
-        lambda own, beside, limits, *, step: seen.append(limits) or estimate(own, beside, limits),
-    )
+
+    def record(own, beside, limits, *, step):
+        seen.append(limits)
+        steps.add(step)
+        return estimate(own, beside, limits, step=step)
+
+    monkeypatch.setattr(fusion_views, "estimate_disparity", record)
     for stride in (1, 2):
         make_upscaler(Upscaling(), make_views((11, 10)), (11, 10), stride)({}, [(5, 5)])
     assert seen == [Range(-0.5, 0.5)] * 3 + [Range(-0.25, 0.25)] * 3  # of the three rows of a block
+    assert steps == {STEP}
+    steps.clear()
+    make_upscaler(Upscaling(), make_views(), matches=True)({}, [(2, 2)])
+    assert steps == {FINE_STEP}
 
 
 def test_little_contrast_is_treated_like_much():
@@ -239,6 +246,21 @@ def test_levels_beyond_the_range_are_not_wrapped():
     (single,), _ = Upscaling()(views, [(2, 2)], GRID)
     (fused,), _ = make_upscaler(Upscaling(), views)({}, [(2, 2)])
     assert np.abs(fused.astype(int) - single).max() < 100
+
+
+def test_a_view_whose_sampling_is_guessed_from_its_block_is_not_matched():
+    means = Finishing(sampling=Sampling("means", 1.0, 1.0, 0.0))
+
+    class Partly(Upscaling):
+        def __call__(self, views, wanted, grid):
+            made, finished = super().__call__(views, wanted, grid)
+            return made, [Finishing() if view == (2, 2) else means for view, _ in zip(wanted, finished, strict=True)]
+
+    views = make_views()
+    wanted = [(2, 2), (2, 3)]
+    _, finished = make_upscaler(Partly(means), views, matches=True)(views, wanted)
+    assert [each.is_matched for each in finished] == [False, True]
+    assert finished[0].sampling == means.sampling
 
 
 @pytest.mark.parametrize(
