@@ -143,9 +143,10 @@ def test_both_halves_of_a_view_count(height):
 class Making:
     """A stand-in for a light-field network, which makes one picture of every view, and is certain of it."""
 
-    scale, radius, threads, runs = 2, 2, 1, 1
+    scale, radius, threads = 2, 2, 1
 
-    def __init__(self, fine):
+    def __init__(self, fine, runs=1):
+        self.runs = runs
         self.planes = np.moveaxis(fine, 2, 0)[np.newaxis].astype(np.float32) / 255
 
     def __call__(self, image, around, rows, cols, disparities, *, cores=None):
@@ -161,20 +162,21 @@ class Black:
         return np.zeros_like(images).repeat(2, axis=2).repeat(2, axis=3)
 
 
-def test_views_are_restored_as_they_were_sampled(monkeypatch):
+@pytest.mark.parametrize("runs", [1, 2])
+def test_views_are_restored_as_they_were_sampled(monkeypatch, runs):
     monkeypatch.setattr("ciir.models.light_field.views.average_misfit", lambda made, small: 0.0)  # black never fits
     fine = make_fine(40, 30)
     every = [(v, u) for v in range(5) for u in range(6)]
     for small, kind in ((filter_down(fine), "filter"), (average_down(fine), "means")):
         for finds in (True, False):
             views = dict.fromkeys(every, small)
-            made, finished = upscale_views(Making(fine), Black(), views, every, (5, 6), finds_sampling=finds)
+            made, finished = upscale_views(Making(fine, runs), Black(), views, every, (5, 6), finds_sampling=finds)
             assert all(finishing.fallback == 0 and finishing.is_restored == finds for finishing in finished)
             assert all(finishing.is_averaged == (finds and kind == "filter") for finishing in finished)
             for picture, view in zip(made, every, strict=True):
                 want = fine
                 if finds and kind == "filter":
-                    surrounded, other = FALLBACK_SHARES[1]
+                    surrounded, other = FALLBACK_SHARES[runs]
                     share = surrounded if view in {(2, 2), (2, 3)} else other
                     want = np.rint((1 - share) * fine).astype(np.uint8)
                 want = restore_luma(want, small, kind) if finds else want

@@ -55,9 +55,9 @@ def measure_shifts(
     ceil(W / SHIFT_TILE))`. `lumas`: luma in [0, 1], `(H, W)`, of at least those views and their direct neighbours. A
     view's shifts don't depend on which others are wanted.
 
-    A shift is the number of whole pixels by which content moves from one view to the next, rounded to a multiple of
-    `SHIFT_STEP`. It is 0 where that number is small or unclear. A shear of the light field removes it (Ng, SIGGRAPH
-    2005, equation 4.2). Only the direct neighbours, up to four, are compared.
+    A shift is the number of whole pixels by which content moves from one view to the next, rounded towards 0 to a
+    multiple of `SHIFT_STEP`. It is 0 where that number is small or unclear. A shear of the light field removes it (Ng,
+    SIGGRAPH 2005, equation 4.2). Only the direct neighbours, up to four, are compared.
     """
     height, width = lumas[wanted[0]].shape
     largest = min(MAXIMUM_DISPARITY, (min(height, width) - 1) // 4)
@@ -98,8 +98,7 @@ def _choose_shifts(costs: NDArray[np.int32], largest: int) -> Iterator[NDArray[n
     best = order[costs[:, order + largest].argmin(axis=1)]
     near = costs[:, largest - UNSHIFTED_DISPARITY : largest + UNSHIFTED_DISPARITY + 1].min(axis=1)
     pays = (np.abs(best) > UNSHIFTED_DISPARITY) & (costs.min(axis=1) < MAXIMUM_RATIO * near)
-    nearest = np.sign(best) * ((np.abs(best) + (SHIFT_STEP - 1) // 2) // SHIFT_STEP * SHIFT_STEP)  # or the smaller one
-    rounded = np.where(pays, nearest, 0)
+    rounded = np.where(pays, best - np.fmod(best, SHIFT_STEP), 0)  # towards 0, so that reversed views are opposite
     for one in rounded:
         shifts = _vote(one)
         values, counts = np.unique(shifts, return_counts=True)

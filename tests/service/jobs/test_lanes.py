@@ -161,6 +161,14 @@ def test_pictures_for_displays_count_by_the_views_that_are_upscaled(model, expec
     assert choose_lane(request, io.BytesIO(make_png_header(1500, 1500))) == expected
 
 
+@pytest.mark.parametrize(("fusion", "expected"), [("never", "small"), ("always", "large")])
+def test_pictures_for_displays_count_matching(fusion, expected):
+    options = {"display": PANEL.format(300, 200), "model": "field", "pixels": "9x9", "fusion": fusion}
+    assert (
+        choose_lane(Request("upload.png", options, None, "display"), io.BytesIO(make_png_header(600, 600))) == expected
+    )
+
+
 @pytest.mark.parametrize(
     ("options", "kind", "form", "expected"),
     [
