@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 DEVICES = ("auto", "cpu", "cuda")
-CHANGEABLE = frozenset({"validate", "validate_every", "device", "initial", "vgg"})
+CHANGEABLE = frozenset({"validate", "validate_every", "device", "initial", "vgg", "runs"})
 """Fields that may change when a run is resumed, because none of them changes what is learnt."""
 
 
@@ -86,6 +86,9 @@ class Recipe:
     eased: int = 0
     """Number of steps over which changed crops and windows of small grids rise to their shares, for a light-field
     network; see `training.data.light_field.crops`."""
+    runs: int = 1
+    """For a light-field network, 1 or 2: how many runs the exported network's result is the mean of
+    (`ciir.models.light_field.network`). It doesn't change training."""
     scale: int = 2
     crop: int = 88
     """HR crop side, pixels."""
@@ -148,6 +151,8 @@ class Recipe:
             raise ValueError(f"corrupted is {self.corrupted}; give a share of 0 to 1")
         if not 0 <= self.jpeg <= 100:
             raise ValueError(f"jpeg is {self.jpeg}; give a quality of 1 to 100, or 0 for none")
+        if self.runs not in ((1, 2) if self.light_field else (1,)):
+            raise ValueError(f"runs is {self.runs}; give 1, or 2 for a light-field network")
         if self.device not in DEVICES:
             raise ValueError(f"device is {self.device!r}; give one of {', '.join(DEVICES)}")
 

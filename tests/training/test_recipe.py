@@ -57,6 +57,8 @@ def test_defaults(smallest):
         (SMALLEST + "learning_rate = inf\n", "learning_rate is inf; give a finite number over 0"),
         (SMALLEST + "ema = 1.0\n", "ema is 1.0; give 0 or more and less than 1"),
         (SMALLEST + "jpeg = 101\n", "jpeg is 101"),
+        (SMALLEST + "runs = 2\n", "runs is 2; give 1, or 2 for a light-field network"),
+        (SMALLEST + "light_field = true\nruns = 3\n", "runs is 3; give 1, or 2"),
         (SMALLEST + "corrupted = 1.5\n", "corrupted is 1.5; give a share of 0 to 1"),
         (SMALLEST + "corrupted = -0.1\n", "corrupted is -0.1; give a share of 0 to 1"),
         (SMALLEST + 'device = "tpu"\n', "device is 'tpu'; give one of auto, cpu, cuda"),

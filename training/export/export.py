@@ -131,6 +131,7 @@ def convert_checkpoint(checkpoint: Path, name: str = "") -> tuple[bytes, cards.C
         radius=measure.find_tile_overlap(network, int(recipe["scale"]), sizes) if radius is None else radius,
         sizes=sizes,
         training=cards.Training(shorten_paths(recipe), state["commit"], state["step"], recipe["seed"]),
+        runs=int(recipe.get("runs", 1)),  # older checkpoints have no runs
     )
     return weights, card
 
@@ -144,6 +145,7 @@ def make_card(
     radius: int,
     sizes: Sizes,
     training: cards.Training,
+    runs: int = 1,
 ) -> cards.Card:
     """Makes the card of a float network with a hash of zeros and without accuracy."""
     inputs = examples.list_inputs(network)
@@ -157,11 +159,12 @@ def make_card(
         output=to_onnx.output(scale),
         radius=radius,
         parameters=measure.count_parameters(network),
-        macs_per_output_pixel=measure.count_macs(network, sizes),
+        macs_per_output_pixel=runs * measure.count_macs(network, sizes),
         training=training,
         protocol="",
         command="",
         accuracy=(),
+        runs=runs,
         sizes=sizes,
         extra_inputs=inputs[1:],
         extra_outputs=examples.list_outputs(network),

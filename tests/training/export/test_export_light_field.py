@@ -13,6 +13,7 @@ import torch
 from PIL import Image
 
 from ciir.models import cards
+from ciir.models.catalogue import SHIPPED
 from ciir.models.light_field.network import LightFieldNetwork
 from ciir.models.light_field.planes import describe_window
 from ciir.models.light_field.windows import select_axis
@@ -20,7 +21,7 @@ from ciir.models.sessions import open_session
 from ciir.training.data.downscale import KINDS
 from ciir.training.data.light_field.layered_scenes import TEXTURE
 from ciir.training.evaluation import light_fields
-from ciir.training.export import calibration, qdq, to_onnx
+from ciir.training.export import calibration, measure, qdq, to_onnx
 from ciir.training.export import inputs as examples
 from ciir.training.export.export import compare_with_torch, export_int8, export_network, load_network, simplify_network
 from ciir.training.loop import checkpoints, light_field_validation
@@ -70,6 +71,22 @@ def test_the_card(exported, views):
     commands = card.command.split("; ")
     assert commands[0] == f"ciir evaluate near --light-field {views.name} --degradation bicubic"
     assert len(commands) == len(card.accuracy)
+
+
+def test_two_runs_are_those_of_the_recipe(exported, checkpoint, tmp_path):
+    state = checkpoints.read_checkpoint(checkpoint)
+    twice = tmp_path / "checkpoint.pt"
+    checkpoints.save_checkpoint(twice, state | {"recipe": state["recipe"] | {"runs": 2}})
+    one, two = cards.read_card(exported), cards.read_card(export_network(twice, tmp_path))
+    assert (one.runs, two.runs) == (1, 2)
+    assert two.macs_per_output_pixel == 2 * one.macs_per_output_pixel
+
+
+@pytest.mark.parametrize("name", ["field", "field-quality"])
+def test_shipped_cards_count_the_multiply_adds_of_all_runs(name):
+    card = cards.read_card(SHIPPED / f"{name}.json")
+    network = simplify_network(LightFieldGenerator(**card.training.recipe["options"]))
+    assert card.macs_per_output_pixel == card.runs * measure.count_macs(network, card.sizes)
 
 
 def test_the_network_only_has_the_score_of_the_log(exported, checkpoint, views):
