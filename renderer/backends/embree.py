@@ -1,42 +1,27 @@
-"""Renders views by casting every ray with Embree: the exact reference, which also runs without OpenGL."""
+"""Casts rays into a scene with Embree, and shades what they hit."""
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, TypeVar
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from ciir.cores import count_available_cores
-from ciir.renderer.backends.interface import Backend
 from ciir.renderer.backends.reverses import find_reverses
 from ciir.renderer.backends.textures import sample_texture
 from ciir.renderer.scene import SOLID
 from ciir.renderer.shading import encode_srgb
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-    from concurrent.futures import Future
-
     from numpy.typing import NDArray
 
-    from ciir.renderer.lens_array import LensArray
     from ciir.renderer.scene import Scene
-    from ciir.renderer.views import View
 
-    RayBatch = tuple[slice, NDArray[np.float64], NDArray[np.float64]]
-    """Slice of the rays, their origins `(n, 3)` and their direction `(3,)`."""
     Hits = tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]
     """Triangle, u, v, distance and side, as `PreparedScene._find_hits` returns them."""
 
-Value = TypeVar("Value", np.uint8, np.float32)
-
-RAYS_PER_BATCH = 1 << 14
-RAYS_AT_ONCE = 1 << 17
-"""Most rays of views that are cast together (a single view may have more); the next views are cast meanwhile."""
 MAX_LAYERS = 64
 """Most cut-out or see-through surfaces, and hidden backs, that one ray may pass; it ends there, with a note."""
 HIDDEN = 1 / 8192
@@ -282,77 +267,3 @@ def _weigh_corners(u: NDArray[np.float32], v: NDArray[np.float32]) -> NDArray[np
     np.subtract(1 - u, v, out=weights[:, 0])
     weights[:, 1], weights[:, 2] = u, v
     return weights
-
-
-class RaytraceBackend(Backend):
-    """Casts one ray for each sample along the whole line through its point on the lens array."""
-
-    name = "raytrace"
-
-    def sample_views(
-        self, scene: Scene, array: LensArray, views: Sequence[View], *, notes: set[str] | None = None
-    ) -> Iterator[NDArray[np.uint8]]:
-        """See `Backend.sample_views`."""
-        prepared = PreparedScene(scene)
-
-        def cast(picture: NDArray[np.uint8], part: RayBatch) -> None:
-            rays, origins, direction = part
-            picture[rays] = prepared.cast_levels(origins, direction)
-
-        for picture in _cast_views(array, views, lambda rays: np.empty((rays, 4), np.uint8), cast):
-            if prepared.passed and notes is not None:
-                notes.add(PASSED)
-            yield picture.reshape(array.rows, array.cols, 4)
-
-    def render_depth(self, scene: Scene, array: LensArray, views: Sequence[View]) -> Iterator[NDArray[np.float32]]:
-        """See `Backend.render_depth`."""
-        prepared = PreparedScene(scene)
-
-        def cast(picture: NDArray[np.float32], part: RayBatch) -> None:
-            rays, origins, direction = part
-            picture[rays] = prepared.cast(origins, direction)[1]  # the direction's z is -1
-
-        for picture in _cast_views(array, views, lambda rays: np.empty(rays, np.float32), cast):
-            yield picture.reshape(array.rows, array.cols)
-
-
-def list_rays(array: LensArray, view: View) -> Iterator[RayBatch]:
-    """Yields the view's rays in batches, row by row: their slice, their origins `(n, 3)` and their direction `(3,)`."""
-    direction = np.array([array.tangent_x()[view[1]], array.tangent_y()[view[0]], -1.0])
-    count = array.rows * array.cols
-    for start in range(0, count, RAYS_PER_BATCH):
-        rays = slice(start, min(start + RAYS_PER_BATCH, count))
-        yield rays, _list_origins(array, rays.start, rays.stop), direction
-
-
-@lru_cache(maxsize=16)  # all views of an array have the same origins
-def _list_origins(array: LensArray, start: int, stop: int) -> NDArray[np.float64]:
-    """Returns the centres of some lenses of an array, row by row, `(n, 3)`, read-only."""
-    row, col = np.divmod(np.arange(start, stop), array.cols)
-    origins = np.stack([array.lens_x()[col], array.lens_y()[row], np.zeros(len(row))], axis=1)
-    origins.flags.writeable = False
-    return origins
-
-
-def _cast_views(
-    array: LensArray,
-    views: Sequence[View],
-    make: Callable[[int], NDArray[Value]],
-    cast: Callable[[NDArray[Value], RayBatch], None],
-) -> Iterator[NDArray[Value]]:
-    """Yields a picture of each view, made by `make` for its number of rays and filled by `cast`, on all cores."""
-    count = array.rows * array.cols
-    size = max(1, RAYS_AT_ONCE // count)
-    with ThreadPoolExecutor(count_available_cores(), thread_name_prefix="rays") as pool:
-
-        def begin(first: int) -> list[tuple[NDArray[Value], list[Future[None]]]]:
-            some = [(make(count), view) for view in views[first : first + size]]
-            return [(made, [pool.submit(cast, made, part) for part in list_rays(array, view)]) for made, view in some]
-
-        coming = begin(0)
-        for first in range(size, len(views) + size, size):
-            group, coming = coming, begin(first)  # empty after the last
-            for picture, parts in group:
-                for part in parts:
-                    part.result()
-                yield picture

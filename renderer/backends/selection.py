@@ -72,7 +72,7 @@ def _open_once(name: str) -> Backend:
 
                     _open[name] = RasterBackend()
                 else:
-                    from ciir.renderer.backends.embree import RaytraceBackend
+                    from ciir.renderer.backends.raytrace import RaytraceBackend
 
                     _open[name] = RaytraceBackend()
             except BackendUnavailable as error:

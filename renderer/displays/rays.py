@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.renderer.backends.embree import PASSED, RAYS_PER_BATCH, PreparedScene
+from ciir.renderer.backends.embree import PASSED, PreparedScene
+from ciir.renderer.backends.raytrace import RAYS_PER_BATCH
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -17,7 +17,7 @@ from tqdm import tqdm
 from ciir.models.light_field.network import LUMA
 from ciir.models.light_field.planes import Range
 from ciir.models.light_field.windows import WINDOW_SIDE
-from ciir.renderer.backends.embree import RaytraceBackend
+from ciir.renderer.backends.raytrace import RaytraceBackend
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.readers import inputs, meshes

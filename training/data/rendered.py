@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciir import cores
-from ciir.renderer.backends.embree import RaytraceBackend
+from ciir.renderer.backends.raytrace import RaytraceBackend
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scene import Part, Scene
 from ciir.training.data.downscale import Pair

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciir.renderer.backends.embree import RaytraceBackend
+from ciir.renderer.backends.raytrace import RaytraceBackend
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scenes import SCENES, load_scene

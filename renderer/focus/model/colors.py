@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import sparse
 
-from ciir.renderer.backends.embree import PreparedScene, list_rays
+from ciir.renderer.backends.embree import PreparedScene
+from ciir.renderer.backends.raytrace import list_rays
 from ciir.renderer.focus.stereo.conjugate_gradients import solve
 from ciir.renderer.focus.stereo.sweep import read_levels
 
@@ -43,7 +44,7 @@ def fit_colors(scene: Scene, field: LightField, array: LensArray) -> NDArray[np.
     for view in ((int(v), int(u)) for v in spread[0] for u in spread[1]):
         levels = read_levels(field.views[view])
         levels = levels.reshape(len(levels), -1).T  # (H * W, C)
-        for rays, origins, direction in list_rays(array, view):
+        for rays, origins, direction in list_rays(array, [view]):
             triangle, weights = prepared.meet(origins, direction)
             hit = np.flatnonzero(triangle >= 0)
             places = np.arange(0, 3 * len(hit) + 1, 3)

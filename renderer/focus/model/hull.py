@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import ndimage
 
-from ciir.renderer.backends.embree import PreparedScene, list_rays
+from ciir.renderer.backends.embree import PreparedScene
+from ciir.renderer.backends.raytrace import list_rays
 from ciir.renderer.focus.stereo.sweep import find_overlap, read_levels
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ def explains_views(scene: Scene, field: LightField, is_shown: NDArray[np.bool_],
     for view in _list_views(is_shown):
         picture = read_levels(field.views[view]) * is_shown[view]
         levels = picture.reshape(len(picture), -1).T  # (H * W, C)
-        for rays, origins, direction in list_rays(array, view):
+        for rays, origins, direction in list_rays(array, [view]):
             triangle, weights = prepared.meet(origins, direction)
             hit = np.flatnonzero(triangle >= 0)
             own = np.einsum("nk,nkc->nc", weights[hit], colors[prepared.faces[triangle[hit]]])

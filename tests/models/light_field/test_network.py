@@ -13,7 +13,7 @@ from ciir.models.light_field.planes import Range
 from ciir.models.light_field.views import upscale_views
 from ciir.models.light_field.windows import select_axis
 from ciir.models.single.pixels import upscale_pixels
-from ciir.renderer.backends.embree import RaytraceBackend
+from ciir.renderer.backends.raytrace import RaytraceBackend
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scenes import load_scene

@@ -11,7 +11,7 @@ from ciir.models import catalogue
 from ciir.models.light_field.views import upscale_views
 from ciir.models.single import skipping
 from ciir.models.single.skipping import SkipStatistics
-from ciir.renderer.backends.embree import RaytraceBackend
+from ciir.renderer.backends.raytrace import RaytraceBackend
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scenes import load_scene

@@ -13,7 +13,7 @@ from ciir.models.single import skipping
 from ciir.models.single.interpolation import Bicubic
 from ciir.models.single.pixels import upscale_pixels
 from ciir.models.single.skipping import SkipStatistics
-from ciir.renderer.backends.embree import RaytraceBackend
+from ciir.renderer.backends.raytrace import RaytraceBackend
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scenes import load_scene

@@ -1,12 +1,10 @@
 """Embree against a slow, readable ray caster."""
 
-import threading
-
 import numpy as np
 import pytest
 
 from ciir.renderer.backends import embree
-from ciir.renderer.backends.embree import RaytraceBackend
+from ciir.renderer.backends.raytrace import RaytraceBackend, list_rays
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scene import Part, Scene, Texture
 
@@ -156,31 +154,9 @@ def test_a_see_through_triangle_is_met_once_at_any_angle():
     assert set(np.unique(view[..., 3])) == {0, 153}
 
 
-@pytest.mark.parametrize("samples", [1, 3])
-@pytest.mark.parametrize("at_once", [50, 1 << 16])
-def test_one_ray_is_cast_for_each_sample(samples, at_once, monkeypatch):
-    """Of each lens in each of the views, and no others, for any size of batch."""
-    array, views, batches = LensArray(7, 9, 2, 3, pitch=0.5, delta=0.1), [(0, 0), (1, 2)], []
-    cast = embree.PreparedScene.cast_levels
-
-    def counted(prepared, origins, direction):
-        batches.append(len(origins))
-        return cast(prepared, origins, direction)
-
-    monkeypatch.setattr(embree.PreparedScene, "cast_levels", counted)
-    monkeypatch.setattr(embree, "RAYS_PER_BATCH", at_once)
-    assert len(list(RaytraceBackend().render_views(triangles(), array, views, samples=samples))) == len(views)
-    a_view = 7 * 9 * samples**2
-    assert sum(batches) == len(views) * a_view
-    assert len(batches) == len(views) * -(-a_view // at_once)
-    batches.clear()
-    RaytraceBackend().render_eia(triangles(), array, samples=samples)
-    assert sum(batches) == 2 * 3 * a_view
-
-
 def test_levels_are_those_of_the_colours_that_rays_meet():
     prepared, array = embree.PreparedScene(triangles()), LensArray(9, 11, 1, 1, pitch=0.25, delta=0.1)
-    ((_, origins, direction),) = embree.list_rays(array, (0, 0))
+    ((_, origins, direction),) = list_rays(array, [(0, 0)])
     colours = prepared.cast(origins, direction)[0]
     assert 0 < np.count_nonzero(colours[:, 3]) < len(colours)
     np.testing.assert_array_equal(prepared.cast_levels(origins, direction), (colours * 255 + 0.5).astype(np.uint8))
@@ -196,41 +172,3 @@ def test_reverses_are_found_only_if_a_ray_meets_a_hidden_back():
     assert "_fronts" not in vars(prepared)
     prepared.cast(np.array([[0, 0, -9.0]]), np.array([0, 0, 1.0]))
     assert "_fronts" in vars(prepared)
-
-
-def test_the_next_views_are_cast_while_one_is_used(monkeypatch):
-    """Two views, each in a group of its own: the second is cast before it is asked for."""
-    cast, done = embree.PreparedScene.cast_levels, []
-    second = threading.Event()
-
-    def counted(prepared, origins, direction):
-        done.append(direction)
-        if len(done) == 2:
-            second.set()
-        return cast(prepared, origins, direction)
-
-    monkeypatch.setattr(embree.PreparedScene, "cast_levels", counted)
-    monkeypatch.setattr(embree, "RAYS_AT_ONCE", 1)
-    array = LensArray(7, 9, 2, 3, pitch=0.5, delta=0.1)
-    pictures = RaytraceBackend().render_views(triangles(), array, [(0, 0), (1, 2), (0, 1)])
-    next(pictures)
-    assert second.wait(60)
-    assert len(list(pictures)) == 2
-
-
-@pytest.mark.parametrize("at_once", [1, 130, 1 << 18])  # 63 rays a view: one view, two, all
-def test_views_are_the_same_and_in_order_whatever_is_cast_together(at_once, monkeypatch):
-    array, views = LensArray(7, 9, 2, 3, pitch=0.5, delta=0.1), [(1, 2), (0, 0), (1, 0), (0, 2), (0, 1)]
-    singly = [next(RaytraceBackend().render_views(triangles(), array, [view])) for view in views]
-    monkeypatch.setattr(embree, "RAYS_AT_ONCE", at_once)
-    monkeypatch.setattr(embree, "RAYS_PER_BATCH", 20)
-    np.testing.assert_array_equal(list(RaytraceBackend().render_views(triangles(), array, views)), singly)
-
-
-def test_an_error_of_a_thread_is_raised(monkeypatch):
-    def fail(prepared, origins, direction):
-        raise MemoryError
-
-    monkeypatch.setattr(embree.PreparedScene, "cast_levels", fail)
-    with pytest.raises(MemoryError):
-        list(RaytraceBackend().render_views(triangles(), ARRAY, [(0, 0)]))

@@ -9,7 +9,8 @@ import pytest
 import trimesh
 
 from ciir.renderer.backends.culling import cull_scene
-from ciir.renderer.backends.embree import PASSED, RaytraceBackend
+from ciir.renderer.backends.embree import PASSED
+from ciir.renderer.backends.raytrace import RaytraceBackend
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.placement import Placement

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ciir.renderer.backends.embree import RaytraceBackend
+from ciir.renderer.backends.raytrace import RaytraceBackend
 from ciir.renderer.displays import panel
 from ciir.renderer.displays.integral import IntegralDisplay
 from ciir.renderer.displays.panel import render_panel, resample_panel

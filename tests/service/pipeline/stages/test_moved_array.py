@@ -11,7 +11,7 @@ from ciir.models.light_field import views
 from ciir.models.light_field.disparities.ranges import estimate_tiles
 from ciir.models.light_field.disparities.shifts import crop_luma
 from ciir.models.light_field.windows import WINDOW_SIDE, list_window
-from ciir.renderer.backends.embree import RaytraceBackend
+from ciir.renderer.backends.raytrace import RaytraceBackend
 from ciir.renderer.framing import frame_scene
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scenes import load_scene
