@@ -169,7 +169,7 @@ def _average_similar(
     starts = np.flatnonzero(np.diff(place[order], prepend=-1))
     counts = np.diff(starts, append=len(order))
     means, like = normals.copy(), np.arange(len(place))
-    for count in np.unique(counts[counts <= MAX_FACES]).tolist():
+    for count in np.flatnonzero(np.bincount(counts[counts <= MAX_FACES])).tolist():  # np.unique imports np.ma
         firsts = starts[counts == count]
         for some in np.array_split(firsts, -(-len(firsts) * count**2 // _PAIRS)):
             corners = order[some + np.arange(count)[:, None]]  # (count, k)

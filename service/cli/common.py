@@ -111,10 +111,10 @@ def find_folders(
 @contextmanager
 def progress_bar(unit: str) -> Iterator[Progress]:
     """Shows a progress bar with the time left, on a terminal only. Yields `progress(done, total)`, which moves it."""
+    if sys.stderr is None or not sys.stderr.isatty():  # tqdm would find that too, but takes 10 ms to be imported
+        yield ignore_progress
+        return
     with open_bar(unit=unit) as bar:
-        if bar.disable:
-            yield ignore_progress
-            return
 
         def progress(done: int, total: int) -> None:
             bar.total = total

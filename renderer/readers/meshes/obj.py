@@ -182,7 +182,7 @@ def _materials(
     numbers_of: dict[mtl.Material, int] = {}
     by_name: dict[bytes, int] = {}
     missing = []
-    for used in dict.fromkeys(names[i] for i in np.unique(current)):
+    for used in dict.fromkeys(names[i] for i in np.flatnonzero(np.bincount(current))):
         shown = clean_text(mtl.decode_name(used))
         material = mtl.read_material(entries[used], resolver, shown) if used in entries else mtl.Material()
         if used and used not in entries:
