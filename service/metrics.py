@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from typing import Any
 
 _SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60, 300)
-_SKIPPED = ("uniform", "repeated")
 
 
 def _bind_types(registry: CollectorRegistry | None) -> tuple[partial[Counter], partial[Gauge], partial[Histogram]]:
@@ -61,7 +60,7 @@ class Metrics:
         self.stages = counter("ciir_stage_seconds", "Seconds of finished jobs by stage", ("stage",))
         self.written = counter("ciir_result_bytes", "Bytes of the results of finished jobs")
         self.pixels = counter("ciir_model_pixels", "Input pixels of models")
-        self.skipped = counter("ciir_model_pixels_skipped", "Input pixels that needed no model, by reason", ("reason",))
+        self.skipped = counter("ciir_model_pixels_skipped", "Input pixels that needed no model")
 
     def text(self) -> bytes:
         """Returns all metrics in Prometheus' text format."""
@@ -76,5 +75,4 @@ class Metrics:
         skipped: Mapping[str, float] | None = report.get("plan", report).get("skipped")
         if skipped is not None and "pixels" in skipped:  # a mesh has `culled` even if no model ran
             self.pixels.inc(skipped["pixels"])
-            for reason in _SKIPPED:
-                self.skipped.labels(reason).inc(round(skipped["pixels"] * skipped[reason]))
+            self.skipped.inc(round(skipped["pixels"] * skipped["uniform"]))

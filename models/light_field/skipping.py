@@ -1,7 +1,7 @@
 """Finds the parts of a light field's views that can be upscaled without the network.
 
-These are parts where a view and all views of its window are uniform (see `models.single.skipping`), views whose windows
-repeat, and parts that are computed with another shift.
+These are parts where a view and all views of its window are uniform (see `models.single.skipping`), and parts that are
+computed with another shift.
 """
 
 from __future__ import annotations
@@ -32,22 +32,6 @@ def find_background(network: LightFieldNetwork, view: Pixels) -> Pixels | None:
     if min(view.shape[:2]) <= 2 * network.radius or not skipping.can_skip(network):
         return None
     return skipping.find_background(view)
-
-
-def find_repeats(views: Mapping[View, Pixels], wanted: Sequence[View], grid: tuple[int, int]) -> list[int]:
-    """Returns, for each view of `wanted`, the index of the first whose window has the same pixels."""
-    picture_ids: dict[bytes, int] = {}
-    ids: dict[View, int] = {}
-    first: dict[tuple[object, ...], int] = {}
-    firsts = []
-    for number, view in enumerate(wanted):
-        around = [other for other, _ in list_window(view, grid)]
-        for other in around:
-            if other not in ids:
-                ids[other] = picture_ids.setdefault(views[other].tobytes(), len(picture_ids))
-        present = (select_axis(place, count).present.tobytes() for place, count in zip(view, grid, strict=True))
-        firsts.append(first.setdefault((*present, *(ids[other] for other in around)), number))
-    return firsts
 
 
 class TileDifferences:

@@ -11,7 +11,6 @@ from ciir.bit_depth import count_raised_bits, lower_levels, raise_levels, round_
 from ciir.errors import InvalidImage
 from ciir.models.light_field.finishing import Finishing, finish_view
 from ciir.models.light_field.runner import Job, run_network
-from ciir.models.light_field.skipping import find_repeats
 from ciir.models.light_field.windows import WINDOW_SIDE, find_middle, list_required_views, list_window
 from ciir.models.sampling import Sampling, find_sampling
 from ciir.models.single.finishing import average_misfit
@@ -45,8 +44,8 @@ def upscale_views(
     """Upscales the views `wanted` of a light field of `grid` = (V, U) views, each with the help of its window.
 
     `views`: (v, u) -> `(H, W, C)`, grey or RGB, 8 or 16 bit, all of one shape and type; at least those of
-    `list_required_views`. `fallback`: a single-picture model of the same scale. `skip`: whether to skip uniform and
-    repeated parts (`models.light_field.skipping`), which doesn't change the result. `statistics`: the counts that the
+    `list_required_views`. `fallback`: a single-picture model of the same scale. `skip`: whether to skip uniform
+    parts (`models.light_field.skipping`), which doesn't change the result. `statistics`: the counts that the
     pixels are added to. `finds_sampling`: whether to find how views were sampled, and whether they are misaligned, and
     finish them accordingly; and to average what the fallback makes badly with interpolation, as captured views that are
     upscaled by themselves.
@@ -70,6 +69,8 @@ def upscale_views(
     required = list_required_views(wanted, grid)
     _check_views(views, wanted[0], required)
     statistics = SkipStatistics() if statistics is None else statistics
+    height, width = views[wanted[0]].shape[:2]
+    statistics.pixels += len(wanted) * height * width
     count_bits = cache(lambda view: count_raised_bits(views[view]))
     by_bits: dict[int, list[int]] = {}
     for number, view in enumerate(wanted):
@@ -80,7 +81,7 @@ def upscale_views(
         some = [wanted[number] for number in numbers]
         raised = {view: raise_levels(views[view], unused) for view in list_required_views(some, grid)}
         job = Job(network, raised, grid, skip, statistics, disparities)
-        pictures, finished = _upscale_repeated(job, fallback, some, finds_sampling)
+        pictures, finished = _upscale_group(job, fallback, some, finds_sampling)
         made.append((round_to_depth(lower_levels(pictures, unused), views[some[0]].dtype), finished))
     return join_groups(list(by_bits.values()), made)
 
@@ -96,23 +97,7 @@ def join_groups(
     return np.concatenate([pictures for pictures, _ in made])[order], [finished[place] for place in order]
 
 
-def _upscale_repeated(
-    job: Job, fallback: Upscaler, wanted: Sequence[View], finds_sampling: bool
-) -> tuple[Pixels, list[Finishing]]:
-    """Upscales the views `wanted`, those with equal windows only once, and returns how each was finished too."""
-    pixels = job.views[wanted[0]].shape[0] * job.views[wanted[0]].shape[1]
-    job.statistics.pixels += len(wanted) * pixels
-    firsts = list(range(len(wanted)))
-    if job.skip and len(wanted) > 1:
-        firsts = find_repeats(job.views, wanted, job.grid)
-    distinct = sorted(set(firsts))
-    job.statistics.repeated += (len(wanted) - len(distinct)) * pixels
-    result, made = _upscale_distinct(job, fallback, [wanted[number] for number in distinct], finds_sampling)
-    places = np.searchsorted(distinct, firsts)
-    return result if len(distinct) == len(wanted) else result[places], [made[place] for place in places]
-
-
-def _upscale_distinct(
+def _upscale_group(
     job: Job, fallback: Upscaler, wanted: Sequence[View], finds_sampling: bool
 ) -> tuple[Pixels, list[Finishing]]:
     """Upscales the views `wanted`, and returns how each was finished too."""

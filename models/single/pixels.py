@@ -42,7 +42,7 @@ def upscale_pixels(
     pixels come out black.
 
     For a network, 16-bit colours that use fewer bits, and dark 8-bit ones, are multiplied by a power of two beforehand
-    and divided by it afterwards (`ciir.bit_depth`). `skip`: whether to skip uniform and repeated parts
+    and divided by it afterwards (`ciir.bit_depth`). `skip`: whether to skip uniform parts
     (`models.single.skipping`), which doesn't change the result. `statistics`: the counts that the pixels are added to.
     `keeps_fractions`: whether 8-bit pictures come out in 16 bits, with 257 times the levels, because they are rounded
     later.
@@ -58,26 +58,13 @@ def upscale_pixels(
     if any(unused):
         pictures = np.stack([raise_levels(picture, bits) for picture, bits in zip(pictures, unused, strict=True)])
     depth = np.dtype(np.uint16) if keeps_fractions else pictures.dtype
-    large = _upscale_distinct(upscaler, pictures, depth, skip, SkipStatistics() if statistics is None else statistics)
+    statistics = SkipStatistics() if statistics is None else statistics
+    count, height, width, _ = pictures.shape
+    statistics.pixels += count * height * width
+    large = _upscale_boxes(upscaler, pictures, depth, statistics) if skip else _upscale_whole(upscaler, pictures, depth)
     for picture, bits in zip(large, unused, strict=True):
         lower_levels(picture, bits)
     return large
-
-
-def _upscale_distinct(
-    upscaler: Upscaler, pictures: NDArray[Any], depth: np.dtype[Any], skip: bool, statistics: SkipStatistics
-) -> NDArray[Any]:
-    """Upscales pictures to the type `depth`. With `skip`, equal pictures are upscaled only once."""
-    count, height, width, _ = pictures.shape
-    statistics.pixels += count * height * width
-    if not skip:
-        return _upscale_whole(upscaler, pictures, depth)
-    firsts = skipping.find_repeats(pictures) if count > 1 else [0] * count
-    distinct = sorted(set(firsts))
-    if len(distinct) == count:
-        return _upscale_boxes(upscaler, pictures, depth, statistics)
-    statistics.repeated += (count - len(distinct)) * height * width
-    return _upscale_boxes(upscaler, pictures[distinct], depth, statistics)[np.searchsorted(distinct, firsts)]
 
 
 def _upscale_boxes(

@@ -1,8 +1,8 @@
-"""Finds the parts of pictures that can be upscaled without the network: uniform background and repeated pictures.
+"""Finds the parts of pictures that can be upscaled without the network: uniform background.
 
 A convolutional network turns a picture of one colour into the same pattern everywhere, except within its receptive
 field of the border. So a small picture of that colour gives the result for all uniform parts, and the network runs only
-on boxes around everything else. Rendered objects have a uniform background, and the views of a set can be equal.
+on boxes around everything else. Rendered objects have a uniform background.
 """
 
 from __future__ import annotations
@@ -46,10 +46,6 @@ class SkipStatistics:
     """All pixels, skipped or not."""
     uniform: int = 0
     """Pixels skipped as uniform, because they are outside the boxes."""
-    repeated: int = 0
-    """Pixels skipped as repeated, because their picture equals an earlier one."""
-    seconds: float = 0.0
-    """The time for the pixels that were not skipped; the caller of the model adds it up."""
 
 
 def can_skip(model: Upscaler | OnnxNetwork) -> bool:
@@ -63,12 +59,6 @@ def can_skip(model: Upscaler | OnnxNetwork) -> bool:
     card: Card | None = getattr(model, "card", None)  # interpolation has none
     sizes = Sizes(minimum=1) if card is None else card.sizes
     return sizes.multiple_of == 1 and not sizes.square and sizes.minimum <= 2 * model.radius + 1
-
-
-def find_repeats(pictures: Picture) -> list[int]:
-    """Returns, for each picture of `(N, H, W, C)`, the index of the first picture that equals it."""
-    first: dict[bytes, int] = {}
-    return [first.setdefault(picture.tobytes(), number) for number, picture in enumerate(pictures)]
 
 
 def find_boxes(picture: Picture, radius: int) -> tuple[Picture | None, list[Tile]]:

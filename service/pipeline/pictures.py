@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any
@@ -99,9 +98,7 @@ def upscale_files(
         _encode(pixels[:1, :1], output)  # raises before the work starts if the format can't hold the picture
         check_size(pixels.shape[:2], scale, limit=max_pixels, what=name)
         with clock.stage("upscale"):
-            begun = time.perf_counter()
             large = upscale_pixels(upscaler, pixels[np.newaxis], skip=skip, statistics=statistics)[0]
-            statistics.seconds += time.perf_counter() - begun
             if model == AUTO and (share := average_misfit(large, pixels)):
                 averaged.append(share)
         with clock.stage("encode"):

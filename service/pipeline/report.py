@@ -89,13 +89,11 @@ class CountedFiles(Mapping[str, bytes]):
 
 def skip_reasons(skipped: Mapping[str, Any] | None) -> list[str]:
     """Describes in one sentence what `plan.skipped` counts; empty if nothing was skipped."""
-    shares = {name: share for name, share in (skipped or {}).items() if name not in ("pixels", "saved_ms") and share}
-    culled = shares.pop("culled", 0.0)
+    culled, uniform = ((skipped or {}).get(name, 0.0) for name in ("culled", "uniform"))
     parts = [f"{format_percent(culled)} of the triangles, which no ray meets"] if culled else []
-    if shares:
-        each = ", ".join(f"{name} {format_percent(share)}" for name, share in shares.items())
-        parts.append(f"the model for {format_percent(sum(shares.values()))} of its pixels ({each})")
-    return [f"skipped: {' and '.join(parts)}"] if parts else []
+    if uniform:
+        parts.append(f"the model for {format_percent(uniform)} of its pixels, which are uniform background")
+    return [f"skipped: {', and '.join(parts)}"] if parts else []
 
 
 def format_percent(share: float) -> str:

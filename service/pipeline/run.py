@@ -205,7 +205,7 @@ def _reconstruct(
     finished: list[Finishing] = []
     made = prefetch(make_views(views, batches), name="views")
     opening = open_session(plan, views=len(job.wanted), pixels=job.lenses[0] * job.lenses[1])
-    with closing(prefetch(upscale_batches(made, upscale, opening, clock, statistics), name="upscale")) as upscaled:
+    with closing(prefetch(upscale_batches(made, upscale, opening, clock), name="upscale")) as upscaled:
         for places, pictures, some in upscaled:
             wanted = [given_as[place] for place in places]
             finished += some

@@ -20,7 +20,7 @@ _DIGITS = 19
 """Most digits of any integer."""
 _MOST_TEXT = 4000
 """Most characters of a problem's text; longer ones are cut."""
-_COUNTED = {"pixels", "uniform", "repeated"}
+_COUNTED = {"pixels", "uniform"}
 """What `Metrics.count_result` adds up: all of them are present, or none."""
 
 
@@ -44,12 +44,12 @@ def _check_outcome(outcome: Result | Problem) -> Result | Problem:
 
 
 def _is_skipped(skipped: Any) -> bool:
-    """Checks whether these can be shares of skipped pixels, or null. `saved_ms` is null if all pixels were skipped."""
+    """Checks whether these can be shares of skipped pixels and triangles, or null."""
     if not isinstance(skipped, dict):
         return skipped is None
-    if not skipped.keys() <= {*_COUNTED, "culled", "saved_ms"} or len(_COUNTED & skipped.keys()) not in (0, 3):
+    if not skipped.keys() <= {*_COUNTED, "culled"} or len(_COUNTED & skipped.keys()) not in (0, 2):
         return False
-    return _are_numbers({name: n for name, n in skipped.items() if (name, n) != ("saved_ms", None)})
+    return _are_numbers(skipped)
 
 
 def _are_numbers(values: dict[str, Any]) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from contextlib import closing
 from typing import TYPE_CHECKING
 
@@ -11,7 +10,6 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from ciir.models.light_field.finishing import Finishing
-    from ciir.models.single.skipping import SkipStatistics
     from ciir.renderer.readers.pictures import Pixels
     from ciir.renderer.views import View
     from ciir.service.pipeline.report import Clock
@@ -32,7 +30,6 @@ def upscale_batches(
     upscale: UpscaleViews | None,
     opening: AbstractContextManager[Callable[[], object]],
     clock: Clock,
-    statistics: SkipStatistics,
 ) -> Generator[tuple[Sequence[View], Iterable[Pixels], list[Finishing]]]:
     """Yields each batch's wanted views, their pictures, and how each was finished after a light-field network."""
     kept: dict[View, Pixels] = {}
@@ -44,9 +41,7 @@ def upscale_batches(
             if upscale is not None:
                 with clock.stage("upscale"):
                     wait()
-                    begun = time.perf_counter()
                     pictures, finished = upscale(kept, batch.wanted)
-                    statistics.seconds += time.perf_counter() - begun
             for view in batch.done:
                 del kept[view]
             yield batch.wanted, pictures, finished

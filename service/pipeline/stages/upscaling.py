@@ -142,19 +142,8 @@ def describe_model(name: str, scale: int) -> dict[str, Any]:
 
 
 def describe_skipped(statistics: SkipStatistics) -> dict[str, Any]:
-    """Returns the report's `skipped`.
-
-    These are the model's input pixels, the share of them that it did not compute, by reason, and `saved_ms`: at most
-    the time that those would have taken at the pace of the others; null if all were skipped.
-    """
-    pixels = max(1, statistics.pixels)
-    shares = {"uniform": statistics.uniform, "repeated": statistics.repeated}
-    skipped = sum(shares.values())
-    computed = statistics.pixels - skipped
-    saved = round(1000 * statistics.seconds * skipped / computed, 3) if computed else None
-    return (
-        {"pixels": statistics.pixels} | {why: round(n / pixels, 4) for why, n in shares.items()} | {"saved_ms": saved}
-    )
+    """Returns the report's `skipped`: the model's input pixels, and the share of them that it didn't compute."""
+    return {"pixels": statistics.pixels, "uniform": round(statistics.uniform / max(1, statistics.pixels), 4)}
 
 
 def finishing_reasons(plan: Plan, finished: Sequence[Finishing]) -> list[str]:

@@ -64,10 +64,6 @@ class Skipped(TypedDict):
     """Input pixels of the model."""
     uniform: NotRequired[float]
     """Share of `pixels` in regions of one colour."""
-    repeated: NotRequired[float]
-    """Share of `pixels` whose neighbourhood had already been computed."""
-    saved_ms: NotRequired[float | None]
-    """Null if all pixels were skipped."""
     culled: NotRequired[float]
     """Share of a mesh's triangles that were left out."""
 

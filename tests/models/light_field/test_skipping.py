@@ -84,7 +84,7 @@ def test_skipping_gives_the_same_result(data, grid, shape, at, moves):
     np.testing.assert_array_equal(got, want)
     assert made == expected
     assert statistics.pixels == len(wanted) * shape[0] * shape[1]
-    assert statistics.uniform + statistics.repeated <= statistics.pixels
+    assert statistics.uniform <= statistics.pixels
 
 
 def test_a_radius_that_is_too_small_shows():
@@ -127,17 +127,6 @@ def test_the_box_covers_differences_in_every_view_of_the_window():
     assert statistics.uniform == 50 * 60 - box * box
 
 
-def test_repeated_windows_are_computed_once():
-    """Those of views whose windows are complete, in a scene without parallax."""
-    views = make_light_field((7, 7), (12, 12, 3), moves=0, size=12, at=(0, 0))
-    network, statistics = IntegerLightFieldNetwork(), SkipStatistics()
-    wanted = [(v, u) for v in range(7) for u in range(7)]
-    (got, _), (want, _) = upscale_both_ways(network, views, wanted, (7, 7), statistics)
-    np.testing.assert_array_equal(got, want)
-    assert statistics.repeated == (49 - 25) * 144
-    assert statistics.pixels == 49 * 144
-
-
 def test_skip_false_skips_nothing():
     views, network, statistics = (
         make_light_field((3, 3), (30, 30, 3), moves=0),
@@ -146,7 +135,7 @@ def test_skip_false_skips_nothing():
     )
     upscale_views(network, IntegerNetwork(), views, [(1, 1), (1, 1)], (3, 3), skip=False, statistics=statistics)
     assert network.pixels == statistics.pixels == 2 * 900
-    assert statistics.uniform == statistics.repeated == 0
+    assert statistics.uniform == 0
 
 
 @cache

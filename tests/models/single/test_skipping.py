@@ -62,8 +62,8 @@ def test_skipping_gives_the_same_result(some, layers):
     got = upscale_pixels(IntegerNetwork(layers), some, statistics=statistics)
     np.testing.assert_array_equal(got, upscale_pixels(IntegerNetwork(layers), some, skip=False))
     assert statistics.pixels == some.shape[0] * some.shape[1] * some.shape[2]
-    assert min(statistics.uniform, statistics.repeated) >= 0
-    assert statistics.uniform + statistics.repeated <= statistics.pixels
+    assert statistics.uniform >= 0
+    assert statistics.uniform <= statistics.pixels
 
 
 def make_on_grey(height, width, *parts):
@@ -110,21 +110,12 @@ def test_distant_objects_have_separate_boxes():
     np.testing.assert_array_equal(got, upscale_pixels(network, picture, skip=False))
 
 
-def test_repeated_pictures_are_computed_once():
-    one, other = make_on_grey(30, 30, np.s_[:, :]), make_on_grey(30, 30, np.s_[5:, :])
-    network, statistics = IntegerNetwork(), SkipStatistics()
-    got = upscale_pixels(network, np.concatenate([one, other, one, one]), statistics=statistics)
-    assert network.pixels == 2 * 30 * 30
-    assert (statistics.pixels, statistics.repeated, statistics.uniform) == (4 * 900, 2 * 900, 0)
-    np.testing.assert_array_equal(got[[2, 3]], got[[0, 0]])
-
-
 def test_skip_false_skips_nothing():
     network, statistics = IntegerNetwork(), SkipStatistics()
     same = np.repeat(make_on_grey(30, 30), 3, axis=0)
     upscale_pixels(network, same, skip=False, statistics=statistics)
     assert network.pixels == statistics.pixels == 3 * 900
-    assert statistics.uniform == statistics.repeated == 0
+    assert statistics.uniform == 0
 
 
 @pytest.mark.parametrize(

@@ -61,7 +61,7 @@ def test_counts_what_was_read_once():
 
 
 def test_the_line_on_skipping():
-    nothing = {"pixels": 10, "uniform": 0.0, "repeated": 0.0, "saved_ms": 0.0}
+    nothing = {"pixels": 10, "uniform": 0.0}
     assert (
         report.skip_reasons(None)
         == report.skip_reasons(nothing)
@@ -69,14 +69,15 @@ def test_the_line_on_skipping():
         == []
     )
     assert report.skip_reasons({"culled": 0.25}) == ["skipped: 25 % of the triangles, which no ray meets"]
-    assert report.skip_reasons(nothing | {"uniform": 0.302, "repeated": 0.1, "saved_ms": 3.0}) == [
-        "skipped: the model for 40 % of its pixels (uniform 30 %, repeated 10 %)"
+    assert report.skip_reasons(nothing | {"uniform": 0.302}) == [
+        "skipped: the model for 30 % of its pixels, which are uniform background"
     ]
     assert report.skip_reasons({"culled": 0.9988}) == ["skipped: over 99 % of the triangles, which no ray meets"]
     assert report.skip_reasons(nothing | {"uniform": 1.0}) == [
-        "skipped: the model for 100 % of its pixels (uniform 100 %)"
+        "skipped: the model for 100 % of its pixels, which are uniform background"
     ]
     (both,) = report.skip_reasons(nothing | {"uniform": 0.5, "culled": 0.001})
     assert both == (
-        "skipped: under 1 % of the triangles, which no ray meets and the model for 50 % of its pixels (uniform 50 %)"
+        "skipped: under 1 % of the triangles, which no ray meets, and the model for 50 % of its pixels, which are "
+        "uniform background"
     )

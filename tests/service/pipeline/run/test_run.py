@@ -55,7 +55,7 @@ def test_what_was_skipped_is_a_reason():
     percent = 100 * skipped["uniform"]
     assert percent > 50
     assert report["plan"]["reasons"][-1] == (
-        f"skipped: the model for {percent:.0f} % of its pixels (uniform {percent:.0f} %)"
+        f"skipped: the model for {percent:.0f} % of its pixels, which are uniform background"
     )
     _, report = run(eia_bundle(EIA), lenses=(6, 9), model="fast", skip="none")
     assert not any(reason.startswith("skipped") for reason in report["plan"]["reasons"])
