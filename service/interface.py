@@ -10,6 +10,7 @@ import numpy as np
 from ciir.bit_depth import count_unused_camera_bits, raise_levels
 from ciir.errors import InvalidOption, UnsuitedModel
 from ciir.models.catalogue import list_entries
+from ciir.renderer.backends.progress import ignore_progress
 from ciir.renderer.light_field import LightField
 from ciir.renderer.scene import Scene
 from ciir.renderer.writers.atomic_write import read_path
@@ -201,7 +202,7 @@ def render(
     `ciir.renderer.placement.Placement` describes the last seven in detail.
     `time`: seconds from the start of a glTF file's animation; `animation`: its name, or its number from 0. `camera`:
     the name, or the number from 0, of a camera in a glTF file; the centre view shows its picture, with parallel rays.
-    `progress(done, total)` counts light fields: it is called with (0, 1) and (1, 1).
+    `progress(done, total)` counts views, or lenses if these are fewer.
 
     Returns `(V, U, H, W, 3)` uint8. Raises `ciir.Error`.
     """
@@ -227,14 +228,11 @@ def render(
             "camera": camera,
         }
     )
-    if progress is not None:
-        progress(0, 1)
     kept: list[Pixels] = []
-    report = render_eia(open_given(mesh), options, kept.append)
+    counted = ignore_progress if progress is None else progress
+    report = render_eia(open_given(mesh), options, kept.append, progress=counted)
     array = report["lens_array"]
     views = LightField.from_eia(kept[0], rows=array["rows"], cols=array["cols"]).views
-    if progress is not None:
-        progress(1, 1)
     return LightField(views, tuple(report["notes"]), is_ordered=True)
 
 
