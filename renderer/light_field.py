@@ -85,7 +85,8 @@ class LightField:
     def __repr__(self) -> str:
         v, u, rows, cols, channels = self.views.shape
         counted = f", {len(self.notes)} note{'s' * (len(self.notes) > 1)}" if self.notes else ""
-        return f"LightField({v}x{u} views of {rows}x{cols} pixels, {channels} channels, {self.views.dtype}{counted})"
+        content = f"{rows}x{cols} pixels, {channels} channels, {self.views.dtype}"
+        return f"LightField({v}x{u} views of {content}, depth sense {self.depth_sense}{counted})"
 
     def __getitem__(self, slices: slice | tuple[slice, ...]) -> LightField:
         """Returns the part `lf[v, u, y, x]`, as in `lf[2:7, 2:7]` or `lf[:, :, 100:200, 100:200]`; shares memory.

@@ -89,9 +89,10 @@ def check_size(
     """
     rows, cols = size[0] * scale, size[1] * scale
     if rows * cols > MAX_VIEW_PIXELS or max(rows, cols) > MAX_SIDE:
+        grown = "" if scale == 1 else f", {scale} times {size[0]}x{size[1]},"
         raise TooLarge(
-            f"{what}: {rows}x{cols} pixels are over the limit of {MAX_VIEW_PIXELS:,}, or of {MAX_SIDE:,} a side; "
-            f"give a smaller scale or {remedy}"
+            f"{what}: {rows}x{cols} pixels{grown} are over the limit of {MAX_VIEW_PIXELS:,}, or of {MAX_SIDE:,} a "
+            f"side; give a smaller scale or {remedy}"
         )
     if limit is not None and count * rows * cols > limit:
         given = f"{what} of" if count == 1 else f"{count} views of"

@@ -250,10 +250,11 @@ def test_numpy_takes_the_views():
 
 def test_notes_are_counted_where_it_is_shown():
     views = np.zeros((1, 2, 3, 4, 3), np.uint8)
-    assert [repr(LightField(views, ("a", "b", "c")[:count]))[-14:] for count in range(3)] == [
-        "annels, uint8)",
-        "uint8, 1 note)",
-        "int8, 2 notes)",
+    shown = "LightField(1x2 views of 3x4 pixels, 3 channels, uint8, depth sense lenses"
+    assert [repr(LightField(views, ("a", "b", "c")[:count])) for count in range(3)] == [
+        f"{shown})",
+        f"{shown}, 1 note)",
+        f"{shown}, 2 notes)",
     ]
 
 

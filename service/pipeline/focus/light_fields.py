@@ -107,7 +107,7 @@ def find_depths(options: Options, report: Report, scale: int = 1) -> DepthScale 
 
     Raises `InvalidOption`.
     """
-    array, sense = report["lens_array"], report["lens_array"]["depth_sense"]
+    array = report["lens_array"]
     if options.camera_pitch is None or options.focal_length is None or options.sensor is None:
         if array["pitch"] is None or array["delta"] is None:
             return None
@@ -115,11 +115,6 @@ def find_depths(options: Options, report: Report, scale: int = 1) -> DepthScale 
         return DepthScale.from_lenses(lenses, sense="cameras")
     if array["pitch"] is not None or array["delta"] is not None:
         raise InvalidOption("camera_pitch: this is for camera arrays and the input has a lens array; leave one out")
-    if sense == "lenses":
-        raise InvalidOption(
-            f"camera_pitch: this is for camera arrays, and {report['input']['name']} holds views of a lens array, each "
-            "with parallel rays; give pitch and delta, or depth_sense cameras if they are from a camera array"
-        )
     zero = math.inf if options.convergence is None else options.convergence
     columns = scale * array["cols"]
     return DepthScale.from_cameras(options.camera_pitch, options.focal_length, options.sensor, columns, zero=zero)

@@ -42,7 +42,8 @@ def build_model(
     pitch = None if array["pitch"] is None else array["pitch"] / captured.scale
     cameras = None if options.camera_pitch is None else find_depths(options, captured.report, captured.scale)
     with clock.stage("focus"):
-        model = make_model(captured.light_field, pitch=pitch, delta=array["delta"], cameras=cameras)
+        field = captured.light_field if cameras is None else captured.light_field.with_depth_sense("cameras")
+        model = make_model(field, pitch=pitch, delta=array["delta"], cameras=cameras)
     grid = array["pixels_v"] * array["pixels_u"]
     progress(grid + 1, grid + 1)
     report = captured.report | {

@@ -169,5 +169,6 @@ class _Planes:
                 f"disparities are in pixels of the views that were read; planes have {self._captured.scale} pixels for "
                 "each of them, along each side"
             )
-        if self._captured.report["lens_array"]["depth_sense"] == "lenses" and self._disparities.max() > 0:
+        is_lens_array = self._captured.sign < 0 and self._captured.report["input"]["kind"] != "views"
+        if is_lens_array and self._disparities.max() > 0:
             yield "disparities over 0 lie in front of the lens array; most objects are behind it, below 0"

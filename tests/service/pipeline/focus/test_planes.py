@@ -172,10 +172,12 @@ def test_what_is_asked_for_must_fit(texts, message):
         run(CAMERAS, **texts)
 
 
-def test_views_of_a_lens_array_have_no_camera_pitch():
-    """Their rays are parallel, so that depth is proportional to disparity."""
-    with pytest.raises(InvalidOption, match="and light field holds views of a lens array"):
-        run(LENSES, depth="40", **CAMERA_ARRAY)
+def test_cameras_may_be_counted_from_the_other_end():
+    """Views that are ordered like those of a lens array may be a camera array's, as Stanford's are."""
+    cameras = CAMERAS[:, :3]  # a grid with a middle view
+    planes, _, report = run(cameras.with_depth_sense("lenses"), depth="40", **CAMERA_ARRAY)
+    np.testing.assert_allclose(planes, run(cameras, depth="40", **CAMERA_ARRAY)[0], atol=1e-3)
+    assert report["planes"][0]["depth"] == 40
 
 
 def test_a_single_view_has_no_depth():

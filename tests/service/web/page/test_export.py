@@ -91,6 +91,9 @@ FILES = {
 def test_a_download_is_what_its_name_says(page):
     go_to(page, "#scene=vase&lenses=12x18&pixels=3x3&model=bicubic&scale=2")
     wait_for_picture(page, *SIZE[:2])
+    texts = "groups => groups.map((group) => [...group.children].map((option) => option.textContent))"
+    for names in page.locator("#format optgroup").evaluate_all(texts):
+        assert len(set(names)) == len(names)
     for format_, (end, read, expected) in FILES.items():
         page.locator("#format").select_option(format_)
         if "lenticular" in format_:

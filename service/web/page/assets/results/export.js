@@ -75,7 +75,8 @@ export function offerFormats(input) {
     if (only && !only.some((kind) => input.includes(kind))) continue;
     const start = name.split(" ")[0];
     const group = groups.get(start) ?? make("optgroup", "", { label: GROUPS[start] });
-    group.append(...formats.map((format) => make("option", FORMATS[name] ?? FORMATS[format] ?? format, { value: `${name}/${format}` })));
+    const own = name === start ? undefined : FORMATS[name]; // a format's name may also be a group's, as `stack` is
+    group.append(...formats.map((format) => make("option", own ?? FORMATS[format] ?? format, { value: `${name}/${format}` })));
     groups.set(start, group);
   }
   select.replaceChildren(...groups.values());
