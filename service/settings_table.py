@@ -48,7 +48,7 @@ FIXED_LIMITS = {
     "renderer.displays.quilt.MAX_ASPECT": "a quilt's aspect, width over height of a view",
     "renderer.displays.screen.MAX_CONE": "degrees of a display's viewing cone",
     "renderer.readers.jpeg.MAX_SCANS": "scans in a progressive JPEG",
-    "renderer.lens_array.MAX_LENSES": "lenses along one side",
+    "renderer.lens_array.MAX_LENSES": "lenses, or samples of them, along one side",
     "renderer.lens_array.MAX_PIXELS": "pixels along one side of an elemental image",
     "renderer.readers.meshes.obj.MAX_LIBRARIES": "MTL files that an OBJ names",
     "renderer.readers.meshes.obj.MAX_MATERIALS": "materials that an OBJ uses",

@@ -45,7 +45,8 @@ class HtmlWriter(Writer):
         contents.refuse_times("html")
         if sorted(contents.views) != parse_views("all", *contents.grid):
             count = len(contents.views)
-            raise InvalidOption(f"format: html holds whole light fields and {count} views are wanted; give views all")
+            wanted = "1 view is" if count == 1 else f"{count} views are"
+            raise InvalidOption(f"format: html holds whole light fields and {wanted} wanted; give views all")
         if len(contents.views) > MOST_VIEWS:
             raise InvalidOption(
                 f"format: {len(contents.views)} views; html holds at most {MOST_VIEWS}; give a light field with fewer"

@@ -91,7 +91,7 @@ def make_picture(
         made: Report = {"notes": opened.notes, "versions": find_versions("embreex")}
         if options.place is None and options.fit != "none":
             options = replace(options, place=0.0)
-        check_rays(count_rays(target, options), max_pixels)
+        check_rays(count_rays(target, options), max_pixels, options)
         with clock.stage("render"):
             matrix = _place_scene(opened, options, target)
             picture = _render(opened.transform(matrix), options, target, progress)

@@ -25,8 +25,9 @@ class Input(TypedDict):
     kind: str
     """A file type, or `views` for a set of pictures."""
     bytes: NotRequired[int]
-    """Bytes of the files; missing for a shipped scene."""
+    """Bytes of the files that were read; missing for a shipped scene."""
     files: NotRequired[int]
+    """Files that were read: of a set of views only those that were needed."""
     triangles: NotRequired[int]
     """Only for a mesh."""
     parts: NotRequired[int]
