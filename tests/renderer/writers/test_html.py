@@ -70,5 +70,5 @@ def test_the_name_of_an_input_is_text():
 
 def test_some_views_are_refused():
     writer = FileWriter(io.BytesIO(), "html")
-    with pytest.raises(InvalidOption, match=r"whole light fields and 1 views are wanted; give views all"):
+    with pytest.raises(InvalidOption, match=r"whole light fields and 1 view is wanted; give views all"):
         writer.begin(Contents(((0, 0),), (2, 2), 4, 4, 3, np.dtype(np.uint8)))
