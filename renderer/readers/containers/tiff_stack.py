@@ -41,7 +41,7 @@ def is_stack(data: bytes) -> bool:
     try:
         with tifffile.TiffFile(io.BytesIO(data)) as file:
             first = file.pages.first
-            described = _parse_description(first.description)
+            described = _parse_description(first)
             one = {"grid": (1, 1), "size": (first.imagelength, first.imagewidth)}
             is_one_view = described.get("depth_sense") is not None and described.items() >= one.items()
             return len(file.pages) > 1 or is_one_view
@@ -57,7 +57,7 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
         count = len(file.pages)
         if count > limits.views:
             raise TooLarge(f"{name}: {count:,} pages; at most {limits.views:,} views are read; give fewer", "views")
-        described = _parse_description(file.pages.first.description)
+        described = _parse_description(file.pages.first)
         size = (file.pages.first.imagelength, file.pages.first.imagewidth)
         counted = described.get("grid", (0, 0))
         if layout.pixels is None and described.get("size") == size and counted[0] * counted[1] > count:
@@ -86,14 +86,17 @@ def _allow(height: int, width: int) -> None:
     """Accepts any size: it was checked together with that of all pages."""
 
 
-def _parse_description(text: str) -> dict[str, Any]:
+def _parse_description(page: tifffile.TiffPage) -> dict[str, Any]:
     """Returns `grid`, `size` of a view and `depth_sense`, as far as the description of the first page has them."""
+    text = page.description
     if text.startswith("{") and len(text) <= _LONGEST_DESCRIPTION:
         try:
             found = json.loads(text)
         except (ValueError, RecursionError):  # written by another program
             return {}
         shape = found.get("shape")
+        if isinstance(shape, list) and page.axes == "SYX":  # one plane for each channel
+            del shape[-3:-2]
         sizes = shape if isinstance(shape, list) and len(shape) in (4, 5) else []
         if len(sizes) > 1 and all(isinstance(size, int) and size > 0 for size in sizes[:2]):
             return {"grid": (sizes[0], sizes[1]), "size": tuple(sizes[2:4]), "depth_sense": found.get("depth_sense")}

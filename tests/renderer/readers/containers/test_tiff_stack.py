@@ -50,6 +50,15 @@ def test_pages_are_views_row_by_row(descriptions, layout):
     assert (found.notes, found.depth_sense) == ((TAKEN_AS_CAMERAS,), "cameras")
 
 
+@pytest.mark.parametrize("grid", [(9,), (3, 3)])
+def test_planes_of_each_channel_are_no_views(grid):
+    """tifffile then counts channels before rows in its description, which looks like a grid."""
+    file, planar = io.BytesIO(), np.moveaxis(PAGES[:9], 3, 1).reshape(*grid, 3, 5, 7)
+    tifffile.imwrite(file, planar, photometric="rgb", planarconfig="separate")
+    found = read(file.getvalue())
+    np.testing.assert_array_equal(found.views.reshape(9, 5, 7, 3), PAGES[:9])
+
+
 def test_a_square_is_a_guess():
     found = read(make(PAGES[:9]))
     np.testing.assert_array_equal(found.view(1, 2), PAGES[5])
