@@ -16,7 +16,7 @@ from ciir.renderer.readers.png import find_text
 from ciir.renderer.readers.registry import is_picture
 from ciir.training.data.light_field.views import drop_alpha
 from ciir.training.evaluation.metrics import average
-from ciir.training.evaluation.pairs import White, check_sizes, score_views
+from ciir.training.evaluation.pairs import White, check_sizes, score_view
 from ciir.training.evaluation.pictures import Measured
 
 if TYPE_CHECKING:
@@ -58,8 +58,8 @@ def compare_by_name(result: Path, truth: Path, *, border: int) -> Measured:
     scores = {}
     for name in names:
         made, wanted = found[name].read(), true[name].read()
-        check_sizes(str(found[name].path), made, str(true[name].path), wanted, border=border)
-        scores[found[name].key] = score_views(*white.convert(made, wanted), border=border)[0, 0]
+        check_sizes(str(found[name].path), made.shape, str(true[name].path), wanted.shape, border=border)
+        scores[found[name].key] = score_view(made[0, 0], wanted[0, 0], white, border=border)
     compared = f"{len(names):,} of {len(true):,} pictures of {truth.name}"
     note = f"{compared} are compared with those of the same name in {result.name}"
     alone = [picture.key for name, picture in true.items() if name not in found]

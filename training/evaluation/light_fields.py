@@ -45,7 +45,8 @@ PROTOCOL = (
     "8-bit RGB; grey views are their own Y) after the output is rounded to 8 bits and a border of `scale` pixels is "
     "cut; each view is upscaled with those 5x5 alone. LR: each view made small as `data` names it, to 8 bits; bicubic "
     "as by MATLAB's imresize, which is BasicLFSR's protocol but for the rounding and the border. SSIM: Wang et al. "
-    "2004, 11x11 Gaussian window of sigma 1.5, valid region, K 0.01 and 0.03, L 255."
+    "2004, 11x11 Gaussian window of sigma 1.5, valid region, K 0.01 and 0.03, L 255. "
+    "The mean PSNR is that of views that aren't identical, if there are any."
 )
 
 

@@ -32,31 +32,42 @@ def is_map(path: Path) -> bool:
 
 
 def compare_maps(result: Path, truth: Path) -> tuple[MapScore, tuple[str, ...]]:
-    """Scores the disparity map `result`, and returns notes; both in pixels per view, in the same sense.
+    """Scores the disparity map `result`, and returns notes on pixels without a value; both in pixels per view, in the
+    same sense.
 
     Pixels count if they are finite in `truth` and its confidence isn't 0 there. That is read from the file that
     `ciir depth` writes beside a map, `NAME_confidence`, if there is one; it is 0 where no mesh is seen.
 
     Raises `ValueError` if one can't be read, their sizes differ, or no pixel of the truth counts.
     """
-    if not result.exists():
-        raise ValueError(f"{result}: no such file; give a result and its truth")
+    if not result.is_file():
+        what = "a folder" if result.is_dir() else "no such file"
+        raise ValueError(f"{result}: {what}; {truth} is a disparity map, so give one")
     found, true = read_map(result), read_map(truth)
     beside = truth.with_stem(truth.stem + CONFIDENCE)
     _check_size(result, found, truth, true)
-    notes: tuple[str, ...] = ()
+    reasons = [f"{unknown:,} without a finite value"] if (unknown := np.count_nonzero(~np.isfinite(true))) else []
     if beside.is_file():
         confidence = read_map(beside)
         _check_size(beside, confidence, truth, true)
         left_out = np.isfinite(true) & (confidence == 0)
         true[left_out] = np.nan
         if left_out.any():
-            note = f"{np.isfinite(true).sum():,} of {true.size:,} pixels of {truth.name} count"
-            notes = (f"{note}; {left_out.sum():,} have the confidence 0 in {beside.name} and are left out",)
+            reasons.append(f"{left_out.sum():,} with the confidence 0 in {beside.name}")
     if not np.isfinite(true).any():
         why = "is finite with a confidence above 0" if beside.is_file() else "is finite"
         raise ValueError(f"{truth}: no pixel {why}; give a disparity map")
-    return score_map(found, true), notes
+    score = score_map(found, true)
+    notes = []
+    if reasons:
+        left = " and ".join(reasons)
+        notes = [f"{score.pixels:,} of {true.size:,} pixels of {truth.name} count; {left} are left out"]
+    if score.not_finite:
+        notes.append(
+            f"pixels of {result.name} without a finite value: {score.not_finite:,}; they count as bad, but not in the "
+            "mean square error"
+        )
+    return score, tuple(notes)
 
 
 def read_map(path: Path) -> NDArray[np.float64]:

@@ -38,6 +38,10 @@ class MapScore(NamedTuple):
     """BadPix(0.07), a share. A pixel that is not finite in the map is bad."""
     mse: float
     """100 times the mean square error over the pixels that are finite in both; NaN if there are none."""
+    not_finite: int
+    """Pixels of the map that are not finite, but are in the truth."""
+    without_truth: int
+    """Pixels that are not finite in the truth."""
 
 
 def rgb_to_luma(picture: Pixels) -> Plane:
@@ -102,13 +106,19 @@ def score_map(found: NDArray[np.floating[Any]], true: NDArray[np.floating[Any]])
     error = np.abs(found[counted] - true[counted])
     known = error[np.isfinite(error)]
     mse = 100 * float(np.mean(np.square(known))) if known.size else float("nan")
-    return MapScore(int(counted.sum()), float(np.mean(~(error <= BAD))), mse)
+    pixels = int(counted.sum())
+    return MapScore(pixels, float(np.mean(~(error <= BAD))), mse, pixels - known.size, true.size - pixels)
 
 
 def average(name: str, scores: Mapping[Any, tuple[float, float]]) -> Accuracy:
-    """Returns the means of the PSNR and SSIM of several pictures or views, as those of `name`."""
-    psnr, ssim = np.mean(list(scores.values()), axis=0)
-    return Accuracy(name, len(scores), round(float(psnr), 4), round(float(ssim), 5))
+    """Returns the means of the PSNR and SSIM of several pictures or views, as those of `name`.
+
+    Identical ones, whose PSNR is infinite, are left out of its mean, unless all are identical.
+    """
+    psnr, ssim = np.transpose(list(scores.values()))
+    finite = psnr[np.isfinite(psnr)]
+    mean = finite.mean() if finite.size else np.inf
+    return Accuracy(name, len(scores), round(float(mean), 4), round(float(ssim.mean()), 5))
 
 
 def _crop(plane: NDArray[Value], border: int) -> NDArray[Value]:

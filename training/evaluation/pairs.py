@@ -11,43 +11,30 @@ from ciir.training.data.light_field.views import convert_views
 from ciir.training.evaluation.metrics import SSIM_RADIUS, compute_psnr, compute_ssim, convert_to_luma
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
-    from ciir.renderer.views import View
 
-
-def check_sizes(result: str, made: NDArray[Any], truth: str, wanted: NDArray[Any], *, border: int) -> None:
-    """Checks that the views of `made` and `wanted`, `(V, U, H, W, C)`, can be compared inside `border` pixels.
+def check_sizes(result: str, made: Sequence[int], truth: str, wanted: Sequence[int], *, border: int) -> None:
+    """Checks that views of the shapes `made` and `wanted`, `(V, U, H, W, C)`, can be compared inside `border` pixels.
 
     Raises `ValueError`, with the names `result` and `truth`, if they differ in number, size or channels, or are too
     small for SSIM.
     """
-    if made.shape != wanted.shape:
+    if made != wanted:
         raise ValueError(
             f"{result}: {_describe(made)}, but {truth} has {_describe(wanted)}; give views of the same number and size"
         )
-    if min(wanted.shape[2:4]) - 2 * border <= 2 * SSIM_RADIUS:
+    if min(wanted[2:4]) - 2 * border <= 2 * SSIM_RADIUS:
         raise ValueError(f"{truth}: {_describe(wanted)}; SSIM needs more than {2 * (SSIM_RADIUS + border)} each way")
 
 
-def score_views(made: NDArray[np.uint8], wanted: NDArray[np.uint8], *, border: int) -> dict[View, tuple[float, float]]:
-    """Returns Y-PSNR (dB) and SSIM of each view, without a border of `border` pixels: (v, u) -> both."""
-    scores = {}
-    for v, u in np.ndindex(made.shape[:2]):
-        got, best = convert_to_luma(made[v, u]), convert_to_luma(wanted[v, u])
-        scores[v, u] = compute_psnr(got, best, border=border), compute_ssim(got, best, border=border)
-    return scores
-
-
-def round_to_8_bits(views: NDArray[Any], unused: int) -> NDArray[np.uint8]:
-    """Returns views `(V, U, H, W, C)`, grey or RGB, with 8 bits. The white level of those of 16 bits is the largest one
-    of `16 - unused` bits; higher levels become white.
-    """
-    if views.dtype == np.uint16 and unused:
-        views = limit_levels(views.copy(), unused)
-    return convert_views(views, keeps_grey=True, unused=unused)
+def score_view(made: NDArray[Any], wanted: NDArray[Any], white: White, *, border: int) -> tuple[float, float]:
+    """Returns Y-PSNR (dB) and SSIM of a view `(H, W, C)` of 8 or 16 bits, without a border of `border` pixels."""
+    white.count(made, wanted)
+    got, best = white.make_luma(made), white.make_luma(wanted)
+    return compute_psnr(got, best, border=border), compute_ssim(got, best, border=border)
 
 
 class White:
@@ -64,13 +51,20 @@ class White:
         self._over = 0
         self._dark: list[int] = []
 
-    def convert(self, made: NDArray[Any], wanted: NDArray[Any]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-        """Returns both with 8 bits, as `round_to_8_bits` does, and keeps what `describe` says about it."""
+    def make_luma(self, view: NDArray[Any]) -> NDArray[np.float64]:
+        """Returns Y `(H, W)` of a view `(H, W, C)`, grey or RGB, after rounding to 8 bits. Levels above white become
+        white.
+        """
+        if view.dtype == np.uint16 and self.unused:
+            view = limit_levels(view.copy(), self.unused)
+        return convert_to_luma(convert_views(view[None, None], keeps_grey=True, unused=self.unused)[0, 0])
+
+    def count(self, made: NDArray[Any], wanted: NDArray[Any]) -> None:
+        """Keeps what `describe` says about views that are compared."""
         if made.dtype == np.uint16:
             self._over += int((made > self._level).sum())
             if wanted.dtype == np.uint8 and not self.unused:
                 self._dark.append(count_unused_camera_bits(made))
-        return round_to_8_bits(made, self.unused), round_to_8_bits(wanted, self.unused)
 
     def describe(self, result: str, truth: str) -> tuple[str, ...]:
         """Returns a note if white isn't the largest level of 16 bits, or the result may need another one."""
@@ -87,7 +81,7 @@ class White:
         return int(2 ** (BITS - self.unused)) - 1
 
 
-def _describe(views: NDArray[Any]) -> str:
-    rows, cols, height, width, channels = views.shape
+def _describe(shape: Sequence[int]) -> str:
+    rows, cols, height, width, channels = shape
     of_what = f"{rows}x{cols} views of " if (rows, cols) != (1, 1) else ""
     return f"{of_what}{height}x{width} pixels, {'grey' if channels == 1 else f'{channels} channels'}"

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 PROTOCOL = (
     "Mean over the pictures of PSNR (dB) and SSIM of Y (ITU-R BT.601, studio range, not rounded, of 8-bit RGB; grey "
     "pictures are their own Y) after the output is rounded to 8 bits and a border of `scale` pixels is cut. LR: {low}. "
-    "SSIM: Wang et al. 2004, 11x11 Gaussian window of sigma 1.5, valid region, K 0.01 and 0.03, L 255."
+    "SSIM: Wang et al. 2004, 11x11 Gaussian window of sigma 1.5, valid region, K 0.01 and 0.03, L 255. "
+    "The mean PSNR is that of pictures that aren't identical, if there are any."
 )
 PUBLISHED = frozenset({"Set5", "Set14", "BSD100", "Urban100"})
 """The names of SelfExSR's folders."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from dataclasses import replace
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING, Literal, cast, get_args
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast, get_args
 
 import numpy as np
 
@@ -38,6 +39,7 @@ from ciir.renderer.views import DepthSense, center_view, parse_views
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from ciir.renderer.light_field import LightField
     from ciir.renderer.readers.view_set.grid import Grid
     from ciir.renderer.views import View
 
@@ -46,7 +48,7 @@ SIDE_FILES = frozenset({
     ".pdf", ".pfm", ".ply", ".txt", ".url", ".xml", ".yaml", ".yml",
 })  # fmt: skip
 """Suffixes of files among the views that are ignored: notes, calibration, depth, reports."""
-OWN_NAME = re.compile(r"view_\d+_\d+\.png")
+OWN_NAME = re.compile(r"view_(\d+)_(\d+)\.png")
 OWN_PLANE = re.compile(r"plane_\d{3,4}_[dz][-+.\de]+(mm)?\.png")
 """Names of the depth planes of a stack that we wrote."""
 _FIRST: dict[str, Literal["row", "column"]] = {"rows": "row", "columns": "column"}
@@ -96,6 +98,38 @@ def read(
     notes = note_profile(files[settled.some], clean_text(settled.some))
     notes += (ROUNDED,) * is_rounded(files[settled.some])
     return replace(settled, notes=(*settled.notes, *notes))
+
+
+class SomeViews(NamedTuple):
+    """Some views of a light field, as `ciir reconstruct` writes them."""
+
+    field: LightField
+    """The views one after another, `(1, N, H, W, C)`."""
+    places: tuple[View, ...]
+    """(v, u) of each in the light field."""
+    grid: tuple[int, int] | None
+    """Rows and columns of the light field; None if no report states them."""
+
+
+def read_some(files: Mapping[str, bytes], *, name: str, limits: Limits = DEFAULT_LIMITS) -> SomeViews | None:
+    """Reads views that we wrote (`view_VV_UU.png`, with a report next to them or a text in them) if they are not all of
+    a light field's. Returns None for all others, which `read` may read.
+
+    Raises `Unreadable` if pictures are corrupt or differ in size, channels or depth, and `TooLarge` over `limits`.
+    """
+    names = sorted((file for file in files if not is_side_file(file)), key=_sort_key)
+    matches = [OWN_NAME.fullmatch(PurePosixPath(file).name) for file in names]
+    places = tuple((int(match[1]), int(match[2])) for match in matches if match is not None)
+    own = _read_own_depth_sense(files, names) if places else None
+    if own is None or len(set(places)) < len(names):
+        return None
+    array = _read_report(files, names[0])
+    counts = array.get("pixels_v"), array.get("pixels_u")
+    grid = cast("tuple[int, int]", counts) if all(isinstance(count, int) for count in counts) else None
+    if len(places) >= math.prod(grid or np.max(places, axis=0) + 1):
+        return None
+    views = ViewFiles(Decoder(files, name, limits), np.array([names], dtype=object), names[0], depth_sense=own)
+    return SomeViews(views.load(), places, grid)
 
 
 def _note_shape(views: ViewFiles, layout: Layout) -> ViewFiles:
@@ -220,18 +254,18 @@ def _read_own_depth_sense(files: Mapping[str, bytes], names: Sequence[str]) -> D
     """
     from ciir.renderer.readers.png import find_text  # it imports Pillow
 
-    path, stated = PurePosixPath(names[0]), None
-    if OWN_NAME.fullmatch(path.name) is not None:
-        stated = _read_report(files, str(path.parent / "report.json"))
+    stated = _read_report(files, names[0]).get("depth_sense")
     stated = stated or find_text(read_start(files, names[0], START_BYTES) or b"", DEPTH_SENSE_TEXT)
     return cast("DepthSense", stated) if stated in get_args(DepthSense) else None
 
 
-def _read_report(files: Mapping[str, bytes], report: str) -> object:
-    """Returns the depth sense that a report states, or None if there is none."""
-    if report not in files or len(data := files[report]) > MAX_REPORT:
-        return None
+def _read_report(files: Mapping[str, bytes], view: str) -> dict[str, Any]:
+    """Returns `lens_array` of the report next to a view that we wrote; empty if there is none."""
+    path = PurePosixPath(view)
+    report = str(path.parent / "report.json")
+    if OWN_NAME.fullmatch(path.name) is None or report not in files or len(data := files[report]) > MAX_REPORT:
+        return {}
     try:
-        return json.loads(data)["lens_array"]["depth_sense"]
+        return dict(json.loads(data)["lens_array"])
     except (LookupError, TypeError, ValueError, RecursionError):  # a report from another program
-        return None
+        return {}

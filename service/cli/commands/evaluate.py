@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from ciir.renderer.views import View
     from ciir.training.evaluation.light_fields import Measured
 
+    Scores = Mapping[View, tuple[float, float]] | Mapping[str, tuple[float, float]]
+
 VIEWS, DEGRADATION = "5x5", "bicubic"
 """The defaults for evaluating a light field, from BasicLFSR's protocol."""
 
@@ -62,6 +64,8 @@ def _evaluate_pictures(args: argparse.Namespace, options: Options) -> None:
             "or --truth INPUT and RESULTs; see ciir evaluate --help"
         )
     models, names = args.words[:count], args.words[count:]
+    if models[0] not in known and not models[0].endswith(".json") and Path(models[0]).exists():
+        raise InvalidOption(f"evaluate: {models[0]} is no model; to compare results, give --truth INPUT and RESULTs")
     for name in names:
         if Path(name).is_file():
             raise InvalidOption(
@@ -77,10 +81,10 @@ def _evaluate_pictures(args: argparse.Namespace, options: Options) -> None:
             found = measure(upscaler, folder, degradation=args.degradation)
         except ValueError as error:
             raise InvalidOption(str(error)) from error
-        _show_score(f"{model} on {found.mean.data}", found.mean, "pictures")
-        entries.append(
-            _describe_model(model, found.mean, args.degradation or None) | {"pictures": _list_pictures(found.pictures)}
-        )
+        scores = found.mean, "pictures", found.pictures
+        _show_score(f"{model} on {found.mean.data}", *scores)
+        about = {"model": model, "data": found.mean.data, "degradation": args.degradation or None}
+        entries.append(about | _describe_scores(*scores))
     _write_scores(describe_protocol(folders, args.degradation), options.scale, entries, args.json)
 
 
@@ -116,9 +120,11 @@ def _evaluate_views(args: argparse.Namespace, options: Options) -> None:
         except ValueError as error:
             raise InvalidOption(str(error)) from error
         helped = "" if args.network_only else _describe_fallback(found)
-        _show_score(f"{name} on {found.mean.data}", found.mean, "views", helped)
+        scores = found.mean, "views", found.views
+        _show_score(f"{name} on {found.mean.data}", *scores, helped)
         shares = {"fallback": found.mean.fallback, "averaged": found.averaged, "network_only": args.network_only}
-        entries.append(_describe_model(name, found.mean, degradation) | shares | {"views": _list_views(found.views)})
+        about = {"model": name, "data": found.mean.data, "degradation": degradation}
+        entries.append(about | shares | _describe_scores(*scores))
         notes = found.notes
     common.print_notes(notes)
     _write_scores(describe_protocol(grid), options.scale, entries, args.json, notes)
@@ -141,13 +147,13 @@ def _evaluate_results(args: argparse.Namespace, options: Options, *, has_layout:
                 score, found_notes = compare_maps(Path(name), truth)
                 bad, mse = f"BadPix(0.07) {100 * score.bad:.2f} %", f"MSE x100 {score.mse:.3f}"
                 common.print_line(f"{name} against {args.truth}: {bad}, {mse} over {score.pixels:,} pixels")
-                scores: dict[str, Any] = {"count": score.pixels, "bad": score.bad, "mse_x100": _finite(score.mse)}
+                counts = {"count": score.pixels, "not_finite": score.not_finite, "without_truth": score.without_truth}
+                scores: dict[str, Any] = counts | {"bad": score.bad, "mse_x100": _finite(score.mse)}
             else:
                 found = compare(Path(name), truth, border=options.scale, layout=layout)
-                counted = "views" if isinstance(found, Measured) else "pictures"
-                _show_score(f"{name} against {args.truth}", found.mean, counted)
-                each = _list_views(found.views) if isinstance(found, Measured) else _list_pictures(found.pictures)
-                scores, found_notes = _describe_accuracy(found.mean) | {counted: each}, found.notes
+                counted, each = ("views", found.views) if isinstance(found, Measured) else ("pictures", found.pictures)
+                _show_score(f"{name} against {args.truth}", found.mean, counted, each)
+                scores, found_notes = _describe_scores(found.mean, counted, each), found.notes
             notes += [note for note in found_notes if note not in notes]
         except ValueError as error:
             raise InvalidOption(str(error)) from error
@@ -156,9 +162,12 @@ def _evaluate_results(args: argparse.Namespace, options: Options, *, has_layout:
     _write_scores(PROTOCOL, options.scale, entries, args.json, notes)
 
 
-def _show_score(what: str, score: Accuracy, counted: str, more: str = "") -> None:
+def _show_score(what: str, score: Accuracy, counted: str, each: Scores, more: str = "") -> None:
     counted = counted if score.pictures != 1 else counted.removesuffix("s")
     over = f" over {score.pictures} {counted}" if score.pictures > 1 or counted != "view" else ""
+    identical = _count_identical(each)
+    if 0 < identical < score.pictures:
+        over += f"; {identical} {'is' if identical == 1 else 'are'} identical and not in the mean PSNR"
     common.print_line(f"{what}: PSNR {score.psnr:.2f} dB, SSIM {score.ssim:.4f} on Y{over}{more}")
 
 
@@ -171,20 +180,17 @@ def _describe_fallback(found: Measured) -> str:
     return f"{share}, and {means} with it" if found.averaged else share
 
 
-def _describe_model(model: str, score: Accuracy, degradation: str | None) -> dict[str, Any]:
-    return {"model": model, "data": score.data, "degradation": degradation} | _describe_accuracy(score)
+def _describe_scores(score: Accuracy, counted: str, each: Scores) -> dict[str, Any]:
+    listed = [
+        ({"file": key} if isinstance(key, str) else {"v": key[0], "u": key[1]}) | {"psnr": _finite(psnr), "ssim": ssim}
+        for key, (psnr, ssim) in each.items()
+    ]
+    mean = {"count": score.pictures, "identical": _count_identical(each), "psnr": _finite(score.psnr)}
+    return mean | {"ssim": score.ssim, counted: listed}
 
 
-def _describe_accuracy(score: Accuracy) -> dict[str, Any]:
-    return {"count": score.pictures, "psnr": _finite(score.psnr), "ssim": score.ssim}
-
-
-def _list_views(scores: Mapping[View, tuple[float, float]]) -> list[dict[str, Any]]:
-    return [{"v": v, "u": u, "psnr": _finite(psnr), "ssim": ssim} for (v, u), (psnr, ssim) in scores.items()]
-
-
-def _list_pictures(scores: Mapping[str, tuple[float, float]]) -> list[dict[str, Any]]:
-    return [{"file": file, "psnr": _finite(psnr), "ssim": ssim} for file, (psnr, ssim) in scores.items()]
+def _count_identical(each: Scores) -> int:
+    return sum(math.isinf(psnr) for psnr, _ in each.values())
 
 
 def _finite(value: float) -> float | None:

@@ -31,7 +31,11 @@ def test_disparity_maps(tmp_path):
     truth[4, 7] = np.inf
     np.save(tmp_path / "a.npy", found)
     score, notes = compare_maps(tmp_path / "a.npy", write_pfm(tmp_path / "t.pfm", truth))
-    assert (score.pixels, notes) == (39, ())
+    assert (score.pixels, score.not_finite, score.without_truth) == (39, 1, 1)
+    assert notes == (
+        "39 of 40 pixels of t.pfm count; 1 without a finite value are left out",
+        "pixels of a.npy without a finite value: 1; they count as bad, but not in the mean square error",
+    )
     assert score.bad == pytest.approx(2 / 39)
     assert score.mse == pytest.approx(100 * 0.01 / 38, rel=1e-4)
     with pytest.raises(ValueError, match=r"5x8 pixels, but .* has 5x7"):
@@ -44,6 +48,11 @@ def test_disparity_maps(tmp_path):
             compare_maps(tmp_path / name, tmp_path / "t.pfm")
     with pytest.raises(ValueError, match="not a disparity map; give"):
         compare_maps(write_picture(tmp_path / "p.png"), tmp_path / "t.pfm")
+    for name, message in (("", "a folder"), ("gone.npy", "no such file")):
+        with pytest.raises(
+            ValueError, match=rf"{tmp_path / name}: {message}; .*t\.pfm is a disparity map, so give one"
+        ):
+            compare_maps(tmp_path / name, tmp_path / "t.pfm")
 
 
 def write_picture(path):
@@ -70,8 +79,8 @@ def test_pixels_that_are_not_seen_do_not_count(tmp_path, suffix):
     score, (note,) = compare_maps(write_map(tmp_path / f"found{suffix}", found, 0 * SEEN), truth)
     assert score.pixels == 21
     assert score.bad == 1 / 21
-    assert note.startswith(
-        f"21 of 35 pixels of exact{suffix} count; 14 have the confidence 0 in exact_confidence{suffix} "
+    assert note == (
+        f"21 of 35 pixels of exact{suffix} count; 14 with the confidence 0 in exact_confidence{suffix} are left out"
     )
     with pytest.raises(ValueError, match="no pixel is finite with a confidence above 0"):
         compare_maps(truth, tmp_path / f"found{suffix}")

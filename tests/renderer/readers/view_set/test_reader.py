@@ -127,6 +127,33 @@ def test_our_own_views_state_their_depth_sense_without_the_report(tmp_path):
     assert ciir.open(tmp_path / "cameras").depth_sense == "lenses"
 
 
+def test_some_of_our_own_views_are_read_with_their_places() -> None:
+    def report(**array: object) -> dict[str, bytes]:
+        return {"out/report.json": json.dumps({"lens_array": {"depth_sense": "lenses"} | array}).encode()}
+
+    corners = {f"out/view_{v:02}_{u:02}.png": picture(v, u) for v in (0, 2) for u in (0, 12)}
+    found = view_set.read_some(corners | report(pixels_v=3, pixels_u=13), name="set")
+    assert found is not None
+    assert (found.places, found.grid, found.field.depth_sense) == (
+        ((0, 0), (0, 12), (2, 0), (2, 12)),
+        (3, 13),
+        "lenses",
+    )
+    assert found.field.views[0, :, 0, 0, 0].tolist() == [0, 12, 32, 44]
+    unknown = view_set.read_some(corners | report(pixels_v="3"), name="set")
+    assert unknown is not None
+    assert unknown.grid is None
+    for others in (
+        corners,  # nothing shows that we wrote them
+        corners | report(pixels_v=2, pixels_u=2),
+        corners | report() | {"out/a.png": picture(0, 0)},
+        corners | report() | {"b/view_00_00.png": picture(0, 0)},
+        {f"out/view_{v:02}_{u:02}.png": picture(v, u) for v in range(2) for u in range(3)} | report(),  # all
+        report(),
+    ):
+        assert view_set.read_some(others, name="set") is None
+
+
 class Starts(dict[str, bytes]):
     """Files that can't be read whole."""
 

@@ -52,6 +52,8 @@ def test_evaluate_several_models(tmp_path, capsys):
     assert [(score["model"], score["data"]) for score in scores] == tries
     assert "give MODELs and FOLDERs" in fails(capsys, "evaluate", "nearest", "bicubic")
     assert "qualty: no such folder" in fails(capsys, "evaluate", "nearest", "qualty", *folders)
+    other = fails(capsys, "evaluate", *folders)
+    assert f"evaluate: {folders[0]} is no model; to compare results, give --truth INPUT and RESULTs" in other
 
 
 def test_evaluate_names_the_current_folder(tmp_path, capsys, monkeypatch):
@@ -195,9 +197,11 @@ def test_evaluate_results_against_their_truth(tmp_path, capsys):
     given = ["evaluate", "--truth", str(tmp_path / "truth.npz"), str(tmp_path / "result.zip")]
     to_json = ["--json", str(tmp_path / "s.json")]
     assert main([*given, *to_json]) == 0
-    assert "result.zip against" in capsys.readouterr().out
+    printed = capsys.readouterr().out
     (score,) = json.loads((tmp_path / "s.json").read_text())["scores"]
-    assert score["count"] == 25
+    assert (score["count"], score["identical"]) == (25, 24)
+    assert f"result.zip against {given[2]}: PSNR {score['psnr']:.2f} dB, SSIM " in printed
+    assert printed.endswith(" on Y over 25 views; 24 are identical and not in the mean PSNR\n")
     assert [(each["v"], each["u"]) for each in score["views"] if each["psnr"] is not None] == [(1, 2)]
     np.save(tmp_path / "true.npy", np.zeros((8, 9), np.float32))
     np.save(tmp_path / "found.npy", np.full((8, 9), 0.1, np.float32))
@@ -207,7 +211,8 @@ def test_evaluate_results_against_their_truth(tmp_path, capsys):
     assert main(["evaluate", *given[1:2], str(tmp_path / "true.npy"), str(tmp_path / "found.npy"), *to_json]) == 0
     assert "8 of 72 pixels of true.npy count" in capsys.readouterr().err
     found = json.loads((tmp_path / "s.json").read_text())
-    assert (found["scores"][0]["count"], len(found["notes"])) == (8, 1)
+    (score,) = found["scores"]
+    assert (score["count"], score["not_finite"], score["without_truth"], len(found["notes"])) == (8, 0, 64, 1)
     assert "give results" in fails(capsys, "evaluate", "--truth", tmp_path)
     assert "--grid: this goes with a MODEL" in fails(capsys, *given, "--grid", "3x3")
     assert "--degradation: this goes with a MODEL" in fails(capsys, *given, "--degradation", "box")
