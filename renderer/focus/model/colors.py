@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import sparse
+from scipy import ndimage, sparse
 
 from ciir.renderer.backends.embree import PreparedScene
 from ciir.renderer.backends.raytrace import list_rays
@@ -29,13 +29,13 @@ STEPS = 6
 """Steps of conjugate gradients; more change no colour by a level."""
 
 
-def fit_colors(scene: Scene, field: LightField, array: LensArray) -> NDArray[np.float32]:
+def fit_colors(scene: Scene, field: LightField, array: LensArray, *, skips_rim: bool = False) -> NDArray[np.float32]:
     """Returns the colours of the scene's vertices `(n, C)` in 8-bit levels, C = 1 or 3, that are nearest to `field`'s
     views.
 
     Each pixel is the colour that the ray through its middle hits, weighted among its triangle's vertices. A vertex that
-    no ray hits keeps its colour. Solved as damped least squares (Levenberg, 1944) by conjugate gradients, scaled by the
-    diagonal.
+    no ray hits keeps its colour. `skips_rim`: whether pixels beside those without a hit, which are partly background,
+    don't count. Solved as damped least squares (Levenberg, 1944) by conjugate gradients, scaled by the diagonal.
     """
     prepared = PreparedScene(scene)
     rows, seen = [], []
@@ -44,14 +44,17 @@ def fit_colors(scene: Scene, field: LightField, array: LensArray) -> NDArray[np.
     for view in ((int(v), int(u)) for v in spread[0] for u in spread[1]):
         levels = read_levels(field.views[view])
         levels = levels.reshape(len(levels), -1).T  # (H * W, C)
-        for rays, origins, direction in list_rays(array, [view]):
-            triangle, weights = prepared.meet(origins, direction)
-            hit = np.flatnonzero(triangle >= 0)
-            places = np.arange(0, 3 * len(hit) + 1, 3)
-            shape = len(hit), len(prepared.colors)
-            corners = prepared.faces[triangle[hit]]
-            rows.append(sparse.csr_array((weights[hit].ravel(), corners.ravel(), places), shape=shape))
-            seen.append(levels[rays][hit])
+        met = [prepared.meet(origins, direction) for _, origins, direction in list_rays(array, [view])]
+        triangle, weights = (np.concatenate(parts) for parts in zip(*met, strict=True))
+        is_hit = (triangle >= 0).reshape(array.rows, array.cols)
+        if skips_rim:
+            is_hit = ndimage.binary_erosion(is_hit, np.ones((3, 3)), border_value=1)
+        hit = np.flatnonzero(is_hit)
+        places = np.arange(0, 3 * len(hit) + 1, 3)
+        shape = len(hit), len(prepared.colors)
+        corners = prepared.faces[triangle[hit]]
+        rows.append(sparse.csr_array((weights[hit].ravel(), corners.ravel(), places), shape=shape))
+        seen.append(levels[hit])
     matrix = sparse.vstack(rows, format="csr")  # (rays, n)
     levels = np.concatenate(seen)  # (rays, C)
     colors = np.float32(255) * prepared.colors[:, : levels.shape[1]]

@@ -74,7 +74,8 @@ def explains_views(scene: Scene, field: LightField, is_shown: NDArray[np.bool_],
     """Returns whether each triangle of `scene`, with its neighbours, is nearer to the views' colours than black,
     `(m,)`.
 
-    An outline then runs where it is best over all views, within a pixel.
+    An outline then runs where it is best over all views, within a pixel. Pixels that are not beside background count
+    only for a triangle.
     """
     prepared = PreparedScene(scene)
     colors = 255 * prepared.colors[:, :3]
@@ -82,12 +83,14 @@ def explains_views(scene: Scene, field: LightField, is_shown: NDArray[np.bool_],
     for view in _list_views(is_shown):
         picture = read_levels(field.views[view]) * is_shown[view]
         levels = picture.reshape(len(picture), -1).T  # (H * W, C)
+        is_inner = ndimage.binary_erosion(is_shown[view], np.ones((3, 3)), border_value=1).ravel()
         for rays, origins, direction in list_rays(array, [view]):
             triangle, weights = prepared.meet(origins, direction)
             hit = np.flatnonzero(triangle >= 0)
             own = np.einsum("nk,nkc->nc", weights[hit], colors[prepared.faces[triangle[hit]]])
             seen = levels[rays][hit]
             less = np.square(seen).mean(axis=1) - np.square(seen - own).mean(axis=1)
+            less[is_inner[rays][hit] & (less < 0)] = 0  # dark content is no background
             gain += np.bincount(triangle[hit], less, len(gain))
     around = np.bincount(prepared.faces.ravel(), np.repeat(gain, 3), len(colors))
     is_better: NDArray[np.bool_] = around[prepared.faces].sum(axis=1) >= 0

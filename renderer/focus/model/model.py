@@ -22,6 +22,7 @@ from ciir.renderer.backends.progress import ignore_progress, report_finished
 from ciir.renderer.focus.disparity import check_views, estimate_disparity, note_reach
 from ciir.renderer.focus.model.cameras import check_cameras, place_before_cameras
 from ciir.renderer.focus.model.colors import fit_colors
+from ciir.renderer.focus.model.coverage import clear_rim, find_coverage, read_picture
 from ciir.renderer.focus.model.hull import explains_views, find_share, find_shown, lies_in_hull
 from ciir.renderer.focus.model.patch import make_patch
 from ciir.renderer.focus.stereo.search_range import find_limits
@@ -30,12 +31,14 @@ from ciir.renderer.scene import Part, Scene
 from ciir.renderer.views import center_view
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from os import PathLike
 
     from numpy.typing import NDArray
 
     from ciir.renderer.backends.progress import Progress
     from ciir.renderer.focus.depth_scale import DepthScale
+    from ciir.renderer.focus.disparity import DisparityMap
     from ciir.renderer.light_field import LightField
     from ciir.renderer.views import View
 
@@ -46,6 +49,8 @@ LEAST_BACKGROUND = 0.05
 FARTHER = 0.5
 """How much farther content that the centre view does not see may lie, as a share of that view's range of
 disparities."""
+DETAIL = 2
+"""Known depths for each pixel of a view, along each side: outlines are then right to a quarter of a pixel."""
 DISPARITY_SCALE = (
     "z is in proportion to disparity, for a camera array to 1 / distance, not to distance; for true depths and widths "
     "give camera_pitch, focal_length and the width of the sensor (in Python cameras=)"
@@ -94,9 +99,11 @@ def make_model(
     delta: float | None = None,
     cameras: DepthScale | None = None,
     keeps_background: bool = False,
+    find_depth: Callable[[LensArray, View], NDArray[np.float32]] | None = None,
     progress: Progress = ignore_progress,
 ) -> Model:
-    """Makes a model of what `light_field` shows: about four triangles per pixel, and sixteen if views show background.
+    """Makes a model of what `light_field` shows: about four triangles per pixel, and sixteen if views show background
+    or depths are known.
 
     `pitch`: the distance between lenses, by default 1, so that lengths are in pixels of a view. `delta`: the tangent
     from one view to the next, by default that of `renderer.lens_array`, with a note. A wrong one stretches the model
@@ -113,6 +120,10 @@ def make_model(
     of 16-bit views that use fewer bits are as bright as if they used all. `progress` counts the views whose disparity
     is estimated: the centre and the corners.
 
+    `find_depth`: for views rendered on black, the depth of a view of a finer lens array, `(rows, cols)`, as that of
+    `Backend.render_depth`. The model then has these depths in place of estimated ones, and nothing where they are
+    infinite.
+
     Raises `InvalidOption` for a single view, if there is nothing but background, for `cameras` that don't fit the
     disparities, and for `cameras` together with `pitch` or `delta`.
     """
@@ -120,7 +131,9 @@ def make_model(
         check_cameras(cameras)
         if pitch is not None or delta is not None:
             raise InvalidOption("cameras: pitch and delta are those of a lens array; leave them out, or cameras")
-    model = _make_before_lenses(light_field, pitch, delta, keeps_background=keeps_background, progress=progress)
+    model = _make_before_lenses(
+        light_field, pitch, delta, keeps_background=keeps_background, find_depth=find_depth, progress=progress
+    )
     note = f"delta: unknown and assumed to be {model.array.delta:.4g}; it sets the model's length along z"
     is_known = cameras is not None or (delta and light_field.depth_sense == "lenses")
     if cameras is not None:
@@ -136,21 +149,22 @@ def _make_before_lenses(
     delta: float | None,
     *,
     keeps_background: bool,
+    find_depth: Callable[[LensArray, View], NDArray[np.float32]] | None,
     progress: Progress,
 ) -> Model:
     """Makes the model in the coordinates of a lens array."""
     from trimesh.remesh import subdivide
 
-    from ciir.renderer.backends import open_backend
-
     field = _prepare_views(light_field)
     check_views(field.views)
     count_v, count_u, rows, cols, _ = field.shape
     array = LensArray(rows, cols, count_v, count_u, 1.0 if pitch is None else pitch, delta or 0.0)
-    is_shown = np.ones(field.shape[:4], bool) if keeps_background else find_shown(field)
+    detail = 1 if find_depth is None else DETAIL
+    fine = array.refine(detail)
+    is_shown = np.ones(field.shape[:4], bool) if keeps_background or find_depth is not None else find_shown(field)
     has_background = 1 - is_shown.mean() > LEAST_BACKGROUND
     is_shown |= not has_background
-    coverage = _find_coverage(field, is_shown) if has_background else None
+    coverage = find_coverage(field, is_shown) if has_background else None
     center = center_view(count_v, count_u)
     most = 1 / (max(count_v - 1 - center[0], count_u - 1 - center[1]) // 2 + 1)  # in view k a gap is 1 - k * jump wide
     corners = [(v, u) for v in dict.fromkeys((0, count_v - 1)) for u in dict.fromkeys((0, count_u - 1))]
@@ -162,24 +176,23 @@ def _make_before_lenses(
     notes: tuple[str, ...] = ()
     limits: tuple[float, float] | None = None
     for view in report_finished(dict.fromkeys([center, *corners]), progress):
-        is_used: NDArray[np.bool_] = is_shown[view]
+        disparity = None if find_depth is None else _to_disparity(find_depth(fine, view), fine)
+        is_used = is_seen = is_shown[view] if disparity is None else np.isfinite(disparity)
         if model is not None:
-            backend, _ = open_backend("raytrace", triangles=len(model.faces), rays=rows * cols, is_see_through=False)
-            (depth,) = backend.render_depth(model.scene(), array, [view])
-            is_used = is_used & _grow(is_used & ~np.isfinite(depth))
+            shown = _render_disparity(model, fine, view)
+            is_missing = np.isinf(shown) if disparity is None else shown > disparity + most
+            is_used = is_seen & _grow(is_seen & is_missing)
         if not is_used.any():
             continue
-        extra = partial(cost, view) if has_background else None
-        # Something nearer would hide what the centre view sees, but it hides what is farther.
-        beyond = FARTHER if has_background and limits else 0.0
-        searched = limits or find_limits(field.views, corners=False)
-        mapped = estimate_disparity(field, view, limits=searched, beyond=beyond, extra=extra, clips=False)
-        if limits is None:
-            notes = (*note_reach(searched, (rows, cols)), *mapped.notes)
-        limits = limits or (float(mapped.planes[0]), float(mapped.planes[-1]))
-        picture = _clear_rim(_read_picture(field.views[view]), is_shown[view])
-        patch = make_patch(picture, mapped.disparity, is_used, most)
-        vertices = _place(patch.x, patch.y, patch.disparity, array, view)
+        if disparity is None:
+            mapped = _estimate(field, view, limits, partial(cost, view) if has_background else None)
+            notes = notes if limits else mapped.notes
+            limits = limits or (float(mapped.planes[0]), float(mapped.planes[-1]))
+            disparity = mapped.disparity
+        is_lit = np.logical_or.reduce(is_seen.reshape(rows, detail, cols, detail), axis=(1, 3))
+        picture = clear_rim(read_picture(field.views[view]), is_lit).repeat(detail, axis=0).repeat(detail, axis=1)
+        patch = make_patch(picture, disparity, is_used, most)
+        vertices = _place(patch.x, patch.y, patch.disparity, fine, view)
         colors, faces = patch.colors, patch.faces
         if coverage is not None:
             both, faces = subdivide(np.concatenate([vertices, colors], axis=1), faces)
@@ -191,10 +204,14 @@ def _make_before_lenses(
         model = replace(model, faces=model.faces[explains_views(model.scene(), field, is_shown, array)])
     if model is None or not len(model.faces):
         raise InvalidOption(
-            "the views show nothing but background, which is black or transparent and reaches their borders; "
-            "give views of a scene, or in Python keeps_background"
+            "the views show nothing but background, which is black or transparent and reaches their borders; give "
+            "views of something brighter or views with alpha, or in Python keeps_background"
+            if find_depth is None
+            else "no view shows any of the mesh with an alpha of 0.5 or more; give another rotate, zoom or place, or, "
+            "for a see-through mesh, its elemental image array"
         )
-    colors = np.broadcast_to(fit_colors(model.scene(), field, array) + np.float32(0.5), model.colors.shape)
+    fitted = fit_colors(model.scene(), field, array, skips_rim=find_depth is not None)
+    colors = np.broadcast_to(fitted + np.float32(0.5), model.colors.shape)
     return replace(model, colors=colors.astype(np.uint8), notes=notes)
 
 
@@ -205,35 +222,32 @@ def _prepare_views(light_field: LightField) -> LightField:
     return replace(field, views=raise_levels(field.views, unused))
 
 
-def _read_picture(view: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.float64]:
-    """Returns RGB of a view with any channels, `(H, W, 3)`, from 0 to 255."""
-    colours = view[..., :1] if view.shape[2] < 3 else view[..., :3]
-    return np.broadcast_to(colours / (np.iinfo(view.dtype).max / 255), (*view.shape[:2], 3))
+def _estimate(
+    field: LightField,
+    view: View,
+    limits: tuple[float, float] | None,
+    extra: Callable[[float], NDArray[np.float32]] | None,
+) -> DisparityMap:
+    """Estimates the disparity of a view. `limits`: those of the centre view; None to find them for it."""
+    # Something nearer would hide what the centre view sees, but it hides what is farther.
+    beyond = FARTHER if extra and limits else 0.0
+    searched = limits or find_limits(field.views, corners=False)
+    mapped = estimate_disparity(field, view, limits=searched, beyond=beyond, extra=extra, clips=False)
+    return replace(mapped, notes=(*note_reach(searched, field.shape[2:4]), *mapped.notes))
 
 
-def _clear_rim(picture: NDArray[np.float64], is_shown: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Returns `picture` `(H, W, 3)` with the background's black removed from the pixels next to it, where lenses
-    average both.
+def _render_disparity(model: Model, array: LensArray, view: View) -> NDArray[np.float32]:
+    """Returns the disparity of what `view` shows of the model, `(rows, cols)`, +inf for nothing."""
+    from ciir.renderer.backends import open_backend
 
-    These pixels take the lighter of their own colour and that of the nearest pixel inside.
-    """
-    is_inner = ndimage.binary_erosion(is_shown, np.ones((3, 3)), border_value=1)
-    if is_inner.all() or not is_inner.any():
-        return picture
-    nearest = ndimage.distance_transform_edt(~is_inner, return_distances=False, return_indices=True)
-    cleared: NDArray[np.float64] = np.maximum(picture, picture[tuple(nearest)])
-    return cleared
+    rays = array.rows * array.cols
+    backend, _ = open_backend("raytrace", triangles=len(model.faces), rays=rays, is_see_through=False)
+    (depth,) = backend.render_depth(model.scene(), array, [view])
+    return _to_disparity(depth, array)
 
 
-def _find_coverage(field: LightField, is_shown: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Returns how much of each pixel shows no background, `(V, U, H, W)`: its light as a share of that of
-    `_clear_rim`.
-    """
-    coverage = is_shown.astype(np.float32)
-    for view in np.ndindex(is_shown.shape[:2]):
-        picture = _read_picture(field.views[view])
-        coverage[view] *= picture.max(axis=2) / np.maximum(_clear_rim(picture, is_shown[view]).max(axis=2), 1)
-    return coverage
+def _to_disparity(depth: NDArray[np.float32], array: LensArray) -> NDArray[np.float32]:
+    return depth * np.float32(array.delta / array.pitch)
 
 
 def _grow(is_there: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ciir.renderer.light_field import LightField
+    from ciir.renderer.scene import Scene
+    from ciir.service.pipeline.job import Job
     from ciir.service.pipeline.options import Options
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.run import Progress
@@ -76,6 +78,16 @@ def _find_texture(found: DisparityMap, light_field: LightField) -> NDArray[np.bo
     return find_texture(levels, light_field.shape[:2])
 
 
+def open_mesh(given: Input, options: Options, clock: Clock) -> tuple[Scene, Job, MeshViews]:
+    """Reads a mesh and places it, ready to render depths. Raises `InputError` and `BackendUnavailable`."""
+    with clock.stage("decode"):
+        scene = given.read_mesh(options)
+    job = resolve_job(given.name, scene, options, max_views=given.limits.views)
+    views = MeshViews(scene, job, Plan("upscale", NO_MODEL, scale=1, samples=1), clock)
+    views.open()
+    return scene, job, views
+
+
 def _render(source: Source, options: Options, clock: Clock) -> tuple[DisparityMap, Report]:
     """Renders the disparity of a mesh."""
     asked = {"limits": options.limits is not None, "model": options.model != NO_MODEL}
@@ -85,15 +97,10 @@ def _render(source: Source, options: Options, clock: Clock) -> tuple[DisparityMa
     if options.sampling != "pinhole":
         raise InvalidOption("sampling: the disparity of a mesh is that of each lens's centre; leave it out")
     given = Input(source)
-    with clock.stage("decode"):
-        scene = given.read_mesh(options)
     wanted = "center" if options.view is None else "{},{}".format(*options.view)
-    job = resolve_job(given.name, scene, replace(options, views=wanted), max_views=given.limits.views)
+    scene, job, views = open_mesh(given, replace(options, views=wanted), clock)
     (view,) = job.wanted
-    plan = Plan("upscale", NO_MODEL, scale=1, samples=1)
-    views = MeshViews(scene, job, plan, clock)
-    views.open()
-    depth = views.render_depth(view)
+    depth = views.render_depth(job.array, view)
     is_seen = np.isfinite(depth)
     if not is_seen.any():
         raise InvalidOption(f"view: nothing of {given.name} is seen from {view[0]},{view[1]}; give another view")
@@ -105,12 +112,12 @@ def _render(source: Source, options: Options, clock: Clock) -> tuple[DisparityMa
         "lens_array": describe_array(job),
         "scene_transform": described["transform"],
         "plan": {
-            "strategy": plan.strategy,
+            "strategy": "upscale",
             "backend": described["backend"],
             "sampling": "pinhole",
-            "samples": plan.samples,
-            "model": plan.model,
-            "scale": plan.scale,
+            "samples": 1,
+            "model": NO_MODEL,
+            "scale": 1,
             "reasons": described["reasons"],
             "skipped": None,
         },

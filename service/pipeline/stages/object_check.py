@@ -14,6 +14,8 @@ DIFFERENCE = 16
 """Levels of 8 bits by which a pixel must differ from the background, in some channel, to stand out."""
 LEAST_SHARE = 0.05
 """Share of the object's pixels that must stand out in some picture, or a note is written."""
+HARDLY_SEEN = "the object hardly stands out from the background"
+"""What that note begins with."""
 
 
 class ObjectCheck:
@@ -56,5 +58,5 @@ class ObjectCheck:
         given = "{:02x}{:02x}{:02x}".format(*self._background)
         other = "ffffff" if sum(self._background) < 3 * 128 else "000000"
         share = f"{100 * self._outstanding / self._covered:.1f} % of its pixels"
-        note = f"the object hardly stands out from the background {given}: {share} differ by over {DIFFERENCE} levels"
+        note = f"{HARDLY_SEEN} {given}: {share} differ by over {DIFFERENCE} levels"
         return [f"{note}; give another one, such as background {other}"]

@@ -112,10 +112,10 @@ class MeshViews:
             )
             return np.ascontiguousarray(self._drop_alpha(eia))
 
-    def render_depth(self, view: View) -> NDArray[np.float32]:
-        """Renders the depth of a view, `(rows, cols)`, as `Backend.render_depth` does."""
+    def render_depth(self, array: LensArray, view: View) -> NDArray[np.float32]:
+        """Renders the depth of a view of `array`, `(rows, cols)`, as `Backend.render_depth` does."""
         with self._clock.stage("render"):
-            (depth,) = self._backend.render_depth(self._placed, self._array, [view])
+            (depth,) = self._backend.render_depth(self._placed, array, [view])
             return depth
 
     def describe(self) -> Report:

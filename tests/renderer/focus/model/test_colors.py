@@ -48,3 +48,13 @@ def test_a_vertex_that_no_ray_meets_keeps_its_colour(true, field):
 def test_grey_views_give_one_channel(true, field):
     grey = LightField(field.views[..., :1])
     assert fit_colors(make_wall(true), grey, ARRAY).shape == (82, 1)
+
+
+def test_pixels_beside_background_do_not_count_with_skips_rim(true, field):
+    """Lenses there average the wall, vertices 0 and 80 of which are corners, with what is behind it."""
+    rim = np.zeros((24, 24), bool)
+    rim[[3, 4, 19, 20]] = rim[:, [3, 4, 19, 20]] = True
+    dark = LightField(np.where(rim[..., None], 0, field.views).astype(np.uint8))
+    kept, skipped = (fit_colors(make_wall(true), dark, ARRAY, skips_rim=skips) for skips in (False, True))
+    assert np.abs(kept - true)[0].mean() > 20
+    np.testing.assert_allclose(skipped[0], true[0], atol=1)

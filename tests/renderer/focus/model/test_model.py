@@ -129,6 +129,25 @@ def test_background_is_left_out_unless_it_is_kept():
     assert kept >= ARRAY.width
 
 
+def test_black_inside_an_object_is_part_of_it():
+    card = make_square(CARD, 12, 1)
+    colors = card.colors.copy()
+    colors[(np.abs(card.vertices[:, :2]) < 7).all(axis=1), :3] = 0
+    model = make_model(render(Scene((replace(card, colors=colors),))), pitch=2.0)
+    backend, _ = open_backend("raytrace", triangles=len(model.faces), rays=40 * 48, is_see_through=False)
+    (depth,) = backend.render_depth(model.scene(), ARRAY, [(2, 2)])
+    assert np.isfinite(depth[15:25, 19:29]).all()
+
+
+def test_a_black_object_is_shown_by_alpha():
+    views = render(Scene((make_square(CARD, 12, 1),))).views
+    black = np.zeros((*views.shape[:4], 4), np.uint8)
+    black[..., 3] = 255 * (views.max(axis=4) > 0)
+    model = make_model(LightField(black), pitch=2.0)
+    assert np.ptp(model.vertices[:, 0]) == pytest.approx(24, abs=4)
+    assert not model.colors.any()
+
+
 def test_few_dark_pixels_at_the_border_are_no_background(captured):
     bright = np.maximum(captured.views, 9)
     corner = bright.copy()

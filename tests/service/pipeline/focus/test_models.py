@@ -1,9 +1,14 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from ciir.errors import InvalidOption
+from ciir.renderer.backends import open_backend
 from ciir.renderer.light_field import LightField
-from ciir.service.pipeline.focus.models import build_model
+from ciir.renderer.scene import Part, Scene
+from ciir.service.pipeline.focus.disparities import find_disparity
+from ciir.service.pipeline.focus.models import NO_BACKGROUND, SEE_THROUGH, build_model
 from ciir.service.pipeline.options import KINDS
 from tests.support.light_fields import make_views
 
@@ -20,6 +25,50 @@ def test_it_has_the_lens_array_of_the_input():
     assert report["surface"] == {"vertices": len(model.vertices), "triangles": len(model.faces)}
     assert report["notes"] == []
     assert {"render", "focus", "total"} <= set(report["timings_ms"])
+
+
+def test_the_model_of_a_mesh_has_its_exact_depths():
+    found, _ = find_disparity("vase", KINDS["disparity"].parse(MESH))
+    model, _ = build("vase", **MESH)
+    backend, _ = open_backend("raytrace", triangles=len(model.faces), rays=24 * 24, is_see_through=False)
+    (depth,) = backend.render_depth(model.scene(), model.array, [found.view])
+    is_seen, is_there = found.confidence > 0, np.isfinite(depth)
+    assert np.mean(is_seen != is_there) < 0.03  # outlines are right to a quarter of a pixel
+    error = np.abs(depth * (model.array.delta / model.array.pitch) - found.disparity)[is_seen & is_there]
+    assert np.quantile(error, 0.95) < 0.05
+
+
+def test_the_model_of_a_mesh_is_the_same_on_any_background():
+    black, _ = build("vase", **MESH)
+    blue, report = build("vase", **MESH, background="8080ff")
+    for name in ("vertices", "colors", "faces"):
+        np.testing.assert_array_equal(getattr(blue, name), getattr(black, name))
+    assert report["notes"] == [NO_BACKGROUND]
+
+
+def make_card(rgba, **material):
+    """A square across the axis of the lens array."""
+    vertices = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    return Part(vertices, faces, np.tile(np.float32(rgba), (4, 1)), **material)
+
+
+def test_a_black_mesh_has_a_model():
+    model, report = build(Scene((make_card((0, 0, 0, 1)),)), **MESH)
+    assert not model.colors.any()
+    assert len(model.faces) > 100
+    assert report["notes"] == []
+
+
+def test_the_see_through_parts_of_a_mesh_are_left_out_with_a_note():
+    glass = make_card((1, 0, 0, 0.3), is_see_through=True)
+    wall = make_card((0, 1, 0, 1))
+    behind = replace(wall, vertices=wall.vertices - [0, 0, 1])
+    model, report = build(Scene((glass, behind)), **MESH)
+    assert np.ptp(model.vertices[:, 2]) < 0.01
+    assert report["notes"] == [SEE_THROUGH]
+    with pytest.raises(InvalidOption, match=r"alpha of 0\.5 or more; give .* its elemental image array"):
+        build(Scene((glass,)), **MESH)
 
 
 def test_after_upscaling_it_lies_where_it_did():
