@@ -131,8 +131,8 @@ class Settings(BaseSettings):
     drain_seconds: float = _number(20.0, 0.0, 3600.0)
     """Seconds that running jobs have to finish after SIGTERM; jobs that have not finished go back into the queue."""
     client_seconds: float = _number(30.0, 0.1, 3600.0)
-    """Seconds that a client has to send the head of a request, and to read each part of a response, before its
-    connection is closed."""
+    """Seconds that a client has to send the head of a request, and for which it may read nothing of a response, before
+    its connection is closed."""
     body_seconds: float = _number(120.0, 0.1, 3600.0)
     """Seconds within which the whole body of a request must arrive."""
 

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from ciir.service.metrics import Metrics
     from ciir.service.settings import Settings
 
+STOPPING = "the server is stopping; try again in a second, another one may answer"
+"""The error for new work, and for uploads that the stop interrupts."""
+
 
 class Engine:
     """The part shared by `ciir serve` and `ciir worker`. If `settings.workers` is 0, it only stores jobs."""
@@ -63,7 +66,7 @@ class Engine:
         It doesn't raise while workers are replaced later: jobs then wait in the queue.
         """
         if self._draining.is_set():
-            raise NotReady("the server is stopping; try again in a second, another one may answer")
+            raise NotReady(STOPPING)
         if self._pool is not None and not (self._was_ready or self._pool.is_ready()):
             raise NotReady(self._describe_start("the models are being loaded; try again in a second"))
         self._was_ready = True

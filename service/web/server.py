@@ -27,8 +27,8 @@ BACKLOG = 2048
 ACCEPTED_AT_ONCE = 16
 """Connections that are accepted before the ones that they replace are closed."""
 KEEP_ALIVE_SECONDS = 30
-CLOSING_SECONDS = 5
-"""Time for open responses after the drain."""
+CLOSING_SECONDS = 6
+"""Time after the drain for connections to end: more than `protocol.RESPONSE_SECONDS`."""
 _log = logging.getLogger("ciir")
 
 

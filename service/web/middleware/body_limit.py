@@ -13,7 +13,8 @@ from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
 from starlette.routing import Match
 
-from ciir.errors import TooLarge
+from ciir.errors import NotReady, TooLarge
+from ciir.service.jobs.engine import STOPPING
 from ciir.service.web import problems
 
 if TYPE_CHECKING:
@@ -33,8 +34,8 @@ class BodyLimit:
 
     A declared length over the limit is answered with 413 before anything is read, except when the path or the method is
     wrong: that is 404 or 405. For a chunked body `receive` raises `TooLarge` at the first byte over the limit. After
-    `seconds`, `receive` raises `HTTPException` 408. If a body has not been read to its end, the response closes the
-    connection.
+    `seconds`, `receive` raises `HTTPException` 408, and `NotReady` once `protocol` ends uploads because the server
+    stops. If a body has not been read to its end, the response closes the connection.
     """
 
     def __init__(self, app: ASGIApp, limits: Mapping[str, int], seconds: float) -> None:
@@ -67,6 +68,8 @@ class BodyLimit:
                 )
             read += len(message.get("body", b""))
             is_read = not message.get("more_body", False)
+            if not is_read and scope.get("state", {}).get("is_stopping"):
+                raise NotReady(STOPPING)
             if read > limit:
                 raise _make_error(limit)
             return message

@@ -7,9 +7,11 @@ the time for a body.
 
 from __future__ import annotations
 
+import fcntl
 import logging
 import re
 import sys
+import termios
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -31,18 +33,26 @@ SPARE_SECONDS = 1.0
 """Time for that head."""
 SPARE_BYTES = 2**14
 """Most bytes of that head."""
+CHECKS = 10
+"""Checks, within the time that a client may read nothing, of whether it has read anything."""
+UPLOAD_SECONDS = 3.0
+"""Time after the drain for a body to arrive. Then `body_limit` needs time for its response."""
+RESPONSE_SECONDS = 5.0
+"""Time after the drain for responses."""
 _HEALTH = re.compile(rb"(GET|HEAD) /healthz[? ]")
 _REPR = re.compile(r"(?:bytearray\()?\bb(([\"']).*\2)\)?")
 """Bytes as shown in h11's messages."""
 _BARE_LINE = "Invalid HTTP request received."
 """uvicorn's log line without a cause; `Refusal.log` logs a better one."""
+_log = logging.getLogger("ciir.access")
 
 
 class TimeoutProtocol(H11Protocol):
     """Aborts a connection when the client takes longer than `seconds` for its part.
 
-    The client's part is to complete the head of a request, to read part of a response, or to read the rest when the
-    connection is closed. Bytes that are not HTTP are answered with a problem.
+    The client's part is to complete the head of a request, to read any of a response, or to read any of the rest when
+    the connection is closed. What the client's system has received counts as read. Bytes that are not HTTP are answered
+    with a problem.
     """
 
     seconds: ClassVar[float]
@@ -57,6 +67,7 @@ class TimeoutProtocol(H11Protocol):
     conn: StrictConnection
     _head_timer: asyncio.TimerHandle | None = None
     _write_timer: asyncio.TimerHandle | None = None
+    _stop_timers: tuple[asyncio.TimerHandle, ...] = ()
     _spare_head: bytes | None = None
     """What was received by a connection over the limit, until its head is complete; None for any other."""
 
@@ -105,7 +116,8 @@ class TimeoutProtocol(H11Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stops the timers."""
-        _cancel(self._head_timer, self._write_timer)
+        _cancel(self._head_timer, self._write_timer, *self._stop_timers)
+        self._unset_keepalive_if_required()  # uvicorn does so only if there was no error
         self.idle.pop(self, None)
         super().connection_lost(exc)
 
@@ -134,7 +146,7 @@ class TimeoutProtocol(H11Protocol):
     def pause_writing(self) -> None:
         """Starts a timer, because the client reads more slowly than the server writes."""
         super().pause_writing()
-        self._write_timer = self._write_timer or self._start_timer()
+        self._watch_reading()
 
     def resume_writing(self) -> None:
         """Stops the timer, because the client has read most of what was written."""
@@ -145,7 +157,48 @@ class TimeoutProtocol(H11Protocol):
     def timeout_keep_alive_handler(self) -> None:
         """Closes an idle connection. A timer aborts it if the client does not read the rest."""
         super().timeout_keep_alive_handler()
-        self._write_timer = self._write_timer or self._start_timer()
+        self._watch_reading()
+
+    def _watch_reading(self) -> None:
+        if self._write_timer is None:
+            self._check_reading(sys.maxsize, 0)
+
+    def _check_reading(self, before: int, stalled: int) -> None:
+        """Cuts the connection after `CHECKS` checks in a row in which the client has read nothing.
+
+        `before`: its unread bytes at the last check. `stalled`: the number of such checks so far.
+        """
+        unread = _count_unread(self.transport)
+        stalled = stalled + 1 if unread >= before else 0
+        if stalled == CHECKS:
+            self._cut(f"the client read nothing for {self.seconds:g} s")
+        else:
+            self._write_timer = self.loop.call_later(self.seconds / CHECKS, self._check_reading, unread, stalled)
+
+    def shutdown(self) -> None:
+        """Closes an idle connection at the end of the drain. A request on any other has some seconds to end."""
+        super().shutdown()
+        self._stop_timers = (
+            self.loop.call_later(UPLOAD_SECONDS, self._end_upload),
+            self.loop.call_later(RESPONSE_SECONDS, self._cut, "the server stopped"),
+        )
+
+    def _end_upload(self) -> None:
+        """Makes `body_limit` refuse a body that is not complete."""
+        if not self._is_between_requests() and self.cycle.more_body:
+            self.cycle.scope["state"]["is_stopping"] = True
+            self.cycle.message_event.set()
+
+    def _cut(self, cause: str) -> None:
+        """Aborts the connection, with the cause in the log line of its request."""
+        if self._is_between_requests():  # the line is written already
+            _log.info("cut the connection to %s: %s", self._name_client(), cause)
+        else:
+            self.cycle.scope["state"]["cut"] = cause
+        self.transport.abort()
+
+    def _name_client(self) -> str:
+        return "{}:{}".format(*self.client) if self.client else "-"
 
     def send_400_response(self, msg: str) -> None:
         """Answers bytes that are not HTTP with a problem, unless a response has begun."""
@@ -158,7 +211,7 @@ class TimeoutProtocol(H11Protocol):
     def _refuse(self, status: int, detail: str) -> None:
         """Answers with a problem, logs it and closes the connection."""
         refusal = Refusal(self.conn.head, status, detail)
-        refusal.log("{}:{}".format(*self.client) if self.client else "-")
+        refusal.log(self._name_client())
         if self._is_between_requests():  # the application counts a request whose body is broken
             refusal.count(self.metrics)
         headers, body = refusal.write()
@@ -175,6 +228,16 @@ def _cancel(*timers: asyncio.TimerHandle | None) -> None:
     for timer in timers:
         if timer is not None:
             timer.cancel()
+
+
+def _count_unread(transport: asyncio.Transport) -> int:
+    """Counts the bytes of responses that the client's system has not received."""
+    buffered = transport.get_write_buffer_size()
+    try:
+        queued = fcntl.ioctl(transport.get_extra_info("socket"), termios.TIOCOUTQ, bytes(4))  # SIOCOUTQ has its number
+    except OSError:  # not Linux: only what leaves the transport's buffer counts, so that a slow client may be cut
+        return buffered
+    return buffered + int.from_bytes(queued, sys.byteorder)
 
 
 def _is_not_bare(record: logging.LogRecord) -> bool:

@@ -109,4 +109,7 @@ class RequestTracking:
         milliseconds = round(1000 * seconds, 1)
         line = f"{method} {path} {status} {milliseconds} ms, {received} bytes in, {sent} out"
         fields = {"method": method, "path": path, "status": status, "ms": milliseconds} | describe_client(scope)
-        _log.info("%s", line, extra={FIELDS: fields | {"bytes_in": received, "bytes_out": sent}})
+        fields |= {"bytes_in": received, "bytes_out": sent}
+        if cut := scope.get("state", {}).get("cut"):  # set by `protocol`
+            line, fields = f"{line}, cut: {cut}", fields | {"cut": cut}
+        _log.info("%s", line, extra={FIELDS: fields})

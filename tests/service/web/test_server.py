@@ -1,15 +1,19 @@
 """SIGTERM, over real sockets. The handler is called directly, as only the main thread receives signals."""
 
 import io
+import json
 import os
 import signal
+import socket
 import threading
 
 import httpx2
+import pytest
 
 from ciir.service.jobs.workers.pool import Cancelled
 from ciir.service.web import server as server_module
 from ciir.service.web.connections import AcceptErrors
+from ciir.service.web.middleware import protocol
 from tests.support.waiting import wait_until
 from tests.support.web import serve_app
 
@@ -85,6 +89,34 @@ def test_unfinished_jobs_are_done_by_the_next_server(eia, tmp_path):
         wait_until(lambda: client.get(place).json()["state"] == "done")
         assert client.get(f"{place}/result").status_code == 200
         assert server.pool.runs == 1
+
+
+def connect(url):
+    return socket.create_connection(("127.0.0.1", int(url.rpartition(":")[2])), timeout=30)
+
+
+FORM = b'--b\r\nContent-Disposition: form-data; name="file"; filename="a.off"\r\n\r\nOFF\r\n--b--\r\n'
+HEAD = "POST /v1/files HTTP/1.1\r\nHost: x\r\nContent-Type: multipart/form-data; boundary=b\r\nX-Request-Id: mine\r\n"
+
+
+@pytest.mark.parametrize(("rest", "status"), [(b"", 503), (FORM[9:], 201)], ids=str)
+def test_an_upload_that_is_complete_soon_is_accepted(tmp_path, caplog, monkeypatch, rest, status):
+    monkeypatch.setattr(protocol, "UPLOAD_SECONDS", 0.5)
+    with serve_app(tmp_path) as server, connect(server.url) as upload:
+        upload.sendall(f"{HEAD}Content-Length: {len(FORM)}\r\nExpect: 100-continue\r\n\r\n".encode())
+        assert upload.recv(65536).startswith(b"HTTP/1.1 100")
+        upload.sendall(FORM[:9])
+        server.terminate()
+        assert server.uvicorn._draining is not None
+        server.uvicorn._draining.join(30)
+        upload.sendall(rest)
+        head, _, body = b"".join(iter(lambda: upload.recv(65536), b"")).decode().partition("\r\n\r\n")
+    assert head.startswith(f"HTTP/1.1 {status}")
+    assert "\r\nx-request-id: mine" in head
+    if status == 503:
+        assert {"retry-after: 1", "connection: close"} <= set(head.split("\r\n"))
+        assert json.loads(body)["type"] == "urn:ciir:not-ready"
+    assert [record for record in caplog.records if record.levelname == "ERROR"] == []
 
 
 def test_a_second_signal_kills(tmp_path, monkeypatch):

@@ -3,6 +3,7 @@
 import json
 import re
 import socket
+import struct
 import threading
 import time
 from contextlib import ExitStack, contextmanager
@@ -11,8 +12,10 @@ import pytest
 import uvicorn
 
 from ciir.service.metrics import Metrics
+from ciir.service.web.middleware import protocol
 from ciir.service.web.middleware.protocol import SPARE, make_protocol
-from ciir.service.web.middleware.tracking import SECURITY_HEADERS
+from ciir.service.web.middleware.tracking import SECURITY_HEADERS, RequestTracking
+from tests.support.waiting import wait_until
 
 SECONDS = 0.3
 MOST = 8
@@ -23,11 +26,14 @@ LARGE = 64 * 2**20
 
 
 async def app(scope, receive, send):
-    """Reads the body and responds with as many bytes as the path says."""
+    """Reads the body and responds with as many bytes as the path says, with a query in one piece."""
     while (await receive()).get("more_body", False):
         pass
     size = 3 if scope["path"] == "/healthz" else int(scope["path"].removeprefix("/"))
     await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", str(size).encode())]})
+    if scope["query_string"]:
+        await send({"type": "http.response.body", "body": bytes(size)})
+        return
     for _ in range(0, size, 2**18):
         await send({"type": "http.response.body", "body": bytes(min(size, 2**18)), "more_body": True})
     await send({"type": "http.response.body", "body": b""})
@@ -49,7 +55,7 @@ def patient_port():
 @contextmanager
 def run_protocol(seconds):
     config = uvicorn.Config(
-        app,
+        RequestTracking(app, Metrics()),
         http=make_protocol(seconds, MOST, METRICS),
         ws="none",
         lifespan="off",
@@ -64,6 +70,7 @@ def run_protocol(seconds):
         yield listener.getsockname()[1]
         server.should_exit = True
         thread.join(30)
+        assert not thread.is_alive()
 
 
 @contextmanager
@@ -120,6 +127,91 @@ def test_a_client_that_stops_reading(port):
         connection.sendall(b"GET /%d HTTP/1.1\r\nHost: x\r\n\r\n" % LARGE)
         with pytest.raises(ConnectionError):  # a reset, as the rest cannot be sent
             drip(connection, b"\r\n" * 50)
+
+
+@pytest.fixture
+def lines(caplog):
+    """Lists the lines of the access log."""
+    caplog.set_level("INFO", "ciir.access")
+    return lambda: [record.message for record in caplog.records if record.name == "ciir.access"]
+
+
+GET_LARGE = b"GET /%d HTTP/1.1\r\nHost: x\r\n\r\n" % LARGE
+NOTHING_READ = f"the client read nothing for {SECONDS} s"
+
+
+def find_milliseconds(line):
+    return float(re.search(r" 200 ([\d.]+) ms", line)[1])
+
+
+def test_a_client_that_reads_nothing_is_cut_off_in_time(port, lines):
+    with connected(port) as connection:
+        start = time.monotonic()
+        connection.sendall(GET_LARGE)
+        wait_until(lines)
+    assert time.monotonic() - start > SECONDS
+    (line,) = lines()
+    assert find_milliseconds(line) < 3000 * SECONDS
+    assert line.endswith(f" out, cut: {NOTHING_READ}")
+
+
+def test_a_client_that_reads_nothing_of_a_complete_response_has_a_line_of_its_own(port, lines):
+    with connected(port) as connection:
+        client = "{}:{}".format(*connection.getsockname())
+        connection.sendall(GET_LARGE.replace(b" HTTP", b"?at-once HTTP"))
+        wait_until(lambda: len(lines()) == 2)
+    assert lines()[0].endswith(f"{LARGE} out")
+    assert lines()[1] == f"cut the connection to {client}: {NOTHING_READ}"
+
+
+def test_a_connection_that_was_reset_is_left_alone(port, lines, caplog):
+    with connected(port) as connection:
+        connection.sendall(b"GET /3 HTTP/1.1\r\nHost: x\r\n\r\n")
+        wait_until(lines)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    time.sleep(1 + 2 * SECONDS)  # after the time for another request, and the time to read
+    assert len(lines()) == 1
+    assert [record.getMessage() for record in caplog.records if record.levelname == "ERROR"] == []
+
+
+def read_slowly(port, seconds):
+    """Reads about 1 MB/s, a small part of what the kernel buffers, for that long. Returns the number of bytes."""
+    with socket.socket() as connection:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2**17)
+        connection.connect(("127.0.0.1", port))
+        connection.sendall(GET_LARGE)
+        end, read = time.monotonic() + seconds, 0
+        while time.monotonic() < end:
+            time.sleep(SECONDS / 10)
+            read += len(connection.recv(2**15))
+    return read
+
+
+def test_a_client_that_reads_slowly_is_not_cut_off(port, lines):
+    assert read_slowly(port, 6 * SECONDS) < 2 * 2**20
+    wait_until(lines)
+    assert find_milliseconds(lines()[0]) > 5900 * SECONDS
+    assert "cut" not in lines()[0]
+
+
+def test_without_the_kernels_count_such_a_client_is_cut_off(port, lines, monkeypatch):
+    def refuse(*given):
+        raise OSError
+
+    monkeypatch.setattr(protocol.fcntl, "ioctl", refuse)
+    read_slowly(port, 6 * SECONDS)
+    assert lines()[0].endswith(NOTHING_READ)
+
+
+def test_when_the_server_stops_a_response_is_cut_without_an_error(caplog, lines, monkeypatch):
+    monkeypatch.setattr(protocol, "RESPONSE_SECONDS", 0.2)
+    with ExitStack() as stack:
+        with run_protocol(30) as port:
+            connection = stack.enter_context(connected(port))
+            connection.sendall(GET_LARGE)
+            connection.recv(1)
+        assert lines()[0].endswith("cut: the server stopped")
+    assert [record for record in caplog.records if record.levelname == "ERROR"] == []
 
 
 def test_an_idle_client(port):
