@@ -1,4 +1,4 @@
-"""Parses multipart/form-data bodies (RFC 7578), with a remedy in each error message.
+"""Parses forms, with a remedy in each error message: multipart/form-data (RFC 7578), and without files also urlencoded.
 
 Starlette has no setting that refuses a body without its closing boundary, and would silently lose the last part.
 """
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from python_multipart.multipart import DEFAULT_MAX_HEADER_SIZE, parse_options_header
 from starlette.exceptions import HTTPException
-from starlette.formparsers import MultiPartException, MultiPartParser
+from starlette.formparsers import FormParser, MultiPartException, MultiPartParser
 
 from ciir.errors import NoRoom
 from ciir.renderer.readers.names import clean_text
@@ -25,17 +25,20 @@ if TYPE_CHECKING:
     from starlette.datastructures import FormData
     from starlette.requests import Request
 
+MULTIPART, URLENCODED = "multipart/form-data", "application/x-www-form-urlencoded"
 CHARSETS = ("utf-8", "us-ascii")
 MAX_FIELD_BYTES = 64 * 2**10
-"""Maximum bytes of a field other than the file: enough to name thousands of views."""
+"""Maximum bytes of a field other than the file, and of an urlencoded form: enough to name thousands of views."""
 MAX_FIELDS = 64
 MAX_FILES = 1 + len(TEXT_FILES)
 _log = logging.getLogger("ciir")
 _TRUNCATED = "The multipart body ends before its closing boundary."
 _LONG_HEADER = f"A header of a part is over {DEFAULT_MAX_HEADER_SIZE:,} bytes, the limit"
+_NO_TEXT = f"A form of the type {URLENCODED} is text of up to {MAX_FIELD_BYTES:,} bytes"
 _REMEDIES = {  # the beginning of a message -> its remedy
     _TRUNCATED: "send the whole body",
     _LONG_HEADER: "give the file a shorter name",
+    _NO_TEXT: f"send a file, and a longer form, as {MULTIPART} (curl -F file=@NAME)",
     "Invalid multipart data": "send a form as HTTP clients make it, such as curl -F file=@NAME",
     "Missing boundary": "let the HTTP client write the Content-Type with its boundary",
     "The Content-Disposition": "send a form as HTTP clients make it, such as curl -F file=@NAME",
@@ -46,24 +49,33 @@ _REMEDIES = {  # the beginning of a message -> its remedy
 
 
 async def read_form(request: Request) -> FormData:
-    """Reads the parts of the body, of which up to `MAX_FILES` are files.
+    """Reads the fields of the body, of which up to `MAX_FILES` are files.
 
     The caller closes the form. Large parts are on disk.
 
     Raises `HTTPException` 400 for a broken body or a charset other than UTF-8, and `NoRoom` if the disk is full.
     """
-    charset = parse_options_header(request.headers["content-type"])[1].get(b"charset", b"utf-8").decode("latin-1")
+    kind, options = parse_options_header(request.headers["content-type"])
+    charset = options.get(b"charset", b"utf-8").decode("latin-1")
     if charset.lower() not in CHARSETS:
         raise HTTPException(400, f"charset={clean_text(charset)[:40]}: not supported; send the form in UTF-8")
 
-    async def check_end() -> AsyncGenerator[bytes, None]:
+    async def check_size() -> AsyncGenerator[bytes, None]:
+        read = 0
         async for chunk in request.stream():
+            read += len(chunk)
+            if isinstance(parser, FormParser) and (read > MAX_FIELD_BYTES or b"\0" in chunk):
+                raise MultiPartException(_NO_TEXT)
             yield chunk
-        if not parser.is_complete:
+        if isinstance(parser, _Parser) and not parser.is_complete:
             raise MultiPartException(_TRUNCATED)
 
-    chunks = check_end()
-    parser = _Parser(request.headers, chunks, max_files=MAX_FILES, max_fields=MAX_FIELDS, max_part_size=MAX_FIELD_BYTES)
+    chunks = check_size()
+    parser: FormParser | _Parser = (
+        FormParser(request.headers, chunks, max_fields=MAX_FIELDS)
+        if kind == URLENCODED.encode()
+        else _Parser(request.headers, chunks, max_files=MAX_FILES, max_fields=MAX_FIELDS, max_part_size=MAX_FIELD_BYTES)
+    )
     try:
         async with aclosing(chunks):
             return await parser.parse()

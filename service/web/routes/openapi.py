@@ -27,7 +27,7 @@ _ERRORS = {
     409: "the job is not done: it is waiting or running, or was cancelled",
     410: "the result, or what file_id names, is not kept any more, or was damaged; post the input again",
     413: "over a limit on bytes, pixels, files, triangles or memory",
-    415: "not multipart, or not a file of a supported type",
+    415: "not a form, or not a file of a supported type",
     416: "the result has none of the bytes that Range asks for",
     422: "an option or the content of the file is invalid",
     429: "too many jobs wait, or too many event streams are open; try again after Retry-After",
@@ -61,7 +61,10 @@ def describe_errors(*statuses: int) -> Responses:
 
 
 def describe_form(name: str) -> dict[str, Any]:
-    """Describes the body of a request for a kind of job, or with a file to keep (`file`)."""
+    """Describes the body of a request for a kind of job, or with a file to keep (`file`).
+
+    Only as multipart, which generated clients can always send: with a second type they get a more complex call.
+    """
     schema = schemas.refer(f"{name.title()}Form")
     return {"required": True, "content": {"multipart/form-data": {"schema": schema}}}
 

@@ -22,6 +22,7 @@ from ciir.renderer.writers.options import MOST_TEXT, TEXT_FILES, decode_text
 from ciir.service.jobs.job import Request
 from ciir.service.pipeline.options import KINDS
 from ciir.service.pipeline.source import SCENE as SCENE_PREFIX
+from ciir.service.web.multipart import MULTIPART, URLENCODED
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -61,11 +62,11 @@ def check_head(query: Iterable[str], headers: Mapping[str, str]) -> None:
 
 
 def check_content_type(content_type: str | None) -> None:
-    """Raises `UnsupportedType` unless the body is declared as multipart/form-data."""
+    """Raises `UnsupportedType` unless the body is declared as a form."""
     kind = (content_type or "").partition(";")[0].strip().lower()
-    if kind != "multipart/form-data":
+    if kind not in (MULTIPART, URLENCODED):
         given = f"the body's type is {kind[:60]!r}" if kind else "the body has no type"
-        raise UnsupportedType(f"{given}; send multipart/form-data with the part {FILE!r}")
+        raise UnsupportedType(f"{given}; send {MULTIPART} with the part {FILE!r} (curl -F {FILE}=@NAME)")
 
 
 def check_encoding(encoding: str | None) -> None:

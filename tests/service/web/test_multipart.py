@@ -60,6 +60,29 @@ def test_every_error_has_a_remedy(body, message, remedy):
     assert remedy in caught.value.detail.partition("; ")[2]
 
 
+PLAIN = "application/x-www-form-urlencoded"
+
+
+def test_forms_without_a_file():
+    assert read(b"scene=vase&views=%30%3A2&x", PLAIN) == ["scene", "views", "x"]
+    assert read(b"", f"{PLAIN}; charset=UTF-8") == []
+    assert read(b"views=".ljust(multipart.MAX_FIELD_BYTES, b"0"), PLAIN) == ["views"]
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        (b"views=".ljust(multipart.MAX_FIELD_BYTES + 1, b"0"), f"{PLAIN} is text of up to 65,536 bytes; .*curl -F"),
+        (b"a file\0", "is text"),
+        (b"a=b&" * (multipart.MAX_FIELDS + 1), "Too many fields.*64; send each option once"),
+    ],
+)
+def test_limits_of_forms_without_a_file(body, message):
+    with pytest.raises(HTTPException, match=message) as caught:
+        read(body, PLAIN)
+    assert caught.value.status_code == 400
+
+
 def test_no_boundary():
     with pytest.raises(HTTPException, match=r"boundary.*; let the HTTP client"):
         read(FILE + END, "multipart/form-data")

@@ -127,7 +127,8 @@ def test_a_shipped_scene_takes_the_place_of_the_file(own):
     for scene, picture in shown.items():
         expected = ciir.render(f"scene:{scene}", lenses=(8, 6), pixels=(3, 3)).view(1, 1)
         assert np.array_equal(picture, expected)
-    assert own.post(POST, files={"scene": (None, "vase")}, data=fields).headers["server-timing"].startswith("stored")
+    again = own.post(POST, data={"scene": "vase", **fields})  # application/x-www-form-urlencoded
+    assert again.headers["server-timing"].startswith("stored")
     assert own.pool.runs == 2
 
 
@@ -176,7 +177,10 @@ def test_bad_forms(client, eia):
     problem(client.post(POST, files=[("lenses", (None, "6x9")), ("lenses", (None, "1x1"))]), 422, "twice")
     two = [("file", ("a.obj", eia)), ("file", ("a.mtl", eia))]
     problem(client.post(POST, files=two), 422, "file: given twice; send several files as one zip")
-    problem(client.post(POST, data={"lenses": "6x9"}), 415, "multipart/form-data")
+    problem(client.post(POST, data={"lenses": "6x9"}), 422, "file: missing")
+    problem(client.post(POST, data={"file": "a.png"}), 422, "plain field")
+    urlencoded = {"content-type": "application/x-www-form-urlencoded"}
+    problem(client.post(POST, content=eia, headers=urlencoded), 400, "up to 65,536 bytes; send a file, and a")
     problem(client.post(POST, content=eia), 415, "the body has no type;")
     problem(client.post(POST, json={"file": "x"}), 415, "application/json")
     files = {"file": ("a.png", eia)}
