@@ -9,7 +9,7 @@ from ciir.models.sessions import BATCH_PIXELS
 from ciir.models.single.skipping import count_pixels
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
@@ -40,20 +40,20 @@ class Batch(NamedTuple):
 
 
 def make_batches(
-    parts: Sequence[Part], group: Mapping[int, View], grid: tuple[int, int], ranges: Sequence[Range]
+    parts: Sequence[Part], wanted: Sequence[View], grid: tuple[int, int], ranges: Sequence[Range]
 ) -> Iterator[Batch]:
     """Yields batches of up to `BATCH_PIXELS` pixels. All parts of a batch have one size, and their views' windows have
-    the same rows and columns present and the same range of disparities. `ranges`: one for each view, by its number.
+    the same rows and columns present and the same range of disparities. `wanted`, `ranges`: by the views' numbers.
     """
     alike: dict[tuple[object, ...], list[Part]] = {}
     for part in parts:
-        v, u = group[part.number]
+        v, u = wanted[part.number]
         present = select_axis(v, grid[0]).present.tobytes() + select_axis(u, grid[1]).present.tobytes()
         rows, cols = part.tile.region
         size = rows.stop - rows.start, cols.stop - cols.start
         alike.setdefault((present, ranges[part.number], *size), []).append(part)
     for some in alike.values():
-        v, u = group[some[0].number]
+        v, u = wanted[some[0].number]
         window = select_axis(v, grid[0]), select_axis(u, grid[1])
         count = max(1, BATCH_PIXELS // count_pixels(some[0].tile.region))
         for begin in range(0, len(some), count):

@@ -10,7 +10,9 @@ from ciir.models.light_field.batches import Part, make_batches
 from ciir.models.light_field.disparities.ranges import measure_ranges
 from ciir.models.light_field.disparities.shifts import (
     crop_luma,
+    find_margin,
     list_neighbours,
+    list_shifts,
     make_no_shifts,
     measure_shifts,
     select_shifted,
@@ -84,13 +86,9 @@ def run_network(job: Job, wanted: Sequence[View]) -> Output:
         np.empty((len(wanted), height, width, 1), np.float32),
         *_measure_disparities(job, wanted),
     )
-    by_shift: dict[int, dict[int, View]] = {}
-    for number, view in enumerate(wanted):
-        for shift in set(output.shifts[number].ravel().tolist()):
-            by_shift.setdefault(shift, {})[number] = view
     backgrounds = {number: _fill_background(job, view, output, number) for number, view in enumerate(wanted)}
-    for shift, group in by_shift.items():
-        _run_shift(job, group, backgrounds, shift, output)
+    for tile in split_picture(height, width, radius=job.network.radius, tile_pixels=TILE_PIXELS):
+        _run_tile(job, wanted, backgrounds, tile, output)
     return output
 
 
@@ -123,36 +121,31 @@ def _fill_background(job: Job, view: View, output: Output, number: int) -> Pixel
     return background
 
 
-def _run_shift(
-    job: Job,
-    group: Mapping[int, View],
-    backgrounds: Mapping[int, Pixels | None],
-    shift: int,
-    output: Output,
+def _run_tile(
+    job: Job, wanted: Sequence[View], backgrounds: Mapping[int, Pixels | None], tile: Tile, output: Output
 ) -> None:
-    """Upscales the parts of the views of `group` that have `shift`, except for their `backgrounds`, into `output`.
-
-    `group` and `backgrounds` are indexed by the views' numbers. The neighbouring views are shifted by `shift`.
-    """
+    """Upscales what `tile` keeps of the views `wanted`, except for their `backgrounds`, into `output`."""
     network, views, grid = job[:3]
-    height, width = views[next(iter(group.values()))].shape[:2]
-    for tile in split_picture(height, width, radius=network.radius, tile_pixels=TILE_PIXELS):
-        masks = {number: select_shifted(output.shifts[number], shift, tile.kept) for number in group}
-        here = {number: view for number, view in group.items() if masks[number].any()}
-        required = list_required_views(list(here.values()), grid)
-        lumas = {view: crop_luma(views[view], tile.region, shift) for view in required}
-        differences = TileDifferences(views, grid, tile, shift)
+    masks: dict[int, dict[int, NDArray[np.bool_]]] = {}  # by shift, then by the view's number
+    for number, shifts in enumerate(output.shifts):
+        for shift in list_shifts(shifts, tile.kept):
+            masks.setdefault(shift, {})[number] = select_shifted(shifts, shift, tile.kept)
+    margin = max(map(find_margin, masks))
+    lumas = {view: crop_luma(views[view], tile.region, margin) for view in list_required_views(wanted, grid)}
+    differences = TileDifferences(views, grid, tile, margin)
+    for shift, here in masks.items():
         parts: list[Part] = []
-        for number, view in here.items():
+        for number, mask in here.items():
             colour = backgrounds[number]
-            boxes = [tile] if colour is None else differences.find_boxes(view, colour, network.radius)
-            some = [Part(number, *part) for part in split_by_mask(network, boxes, masks[number], tile)]
+            boxes = [tile] if colour is None else differences.find_boxes(wanted[number], colour, network.radius, shift)
+            some = [Part(number, *part) for part in split_by_mask(network, boxes, mask, tile)]
             if colour is not None:
-                job.statistics.uniform += count_skipped([part.tile for part in some], masks[number])
+                job.statistics.uniform += count_skipped([part.tile for part in some], mask)
             parts += some
-        batches = list(make_batches(parts, group, grid, output.ranges))
+        batches = list(make_batches(parts, wanted, grid, output.ranges))
         is_parallel = is_parallel_faster(len(batches), network.threads)
-        runner = _TileRunner(job, group, tile, lumas, shift, output, cores=1 if is_parallel else network.threads)
+        cores = 1 if is_parallel else network.threads
+        runner = _TileRunner(job, wanted, tile, lumas, margin, shift, output, cores)
         run_each(runner.run_batch, batches, network.threads if is_parallel else 1)
 
 
@@ -162,9 +155,11 @@ class _TileRunner(NamedTuple):
     """
 
     job: Job
-    group: Mapping[int, View]
+    wanted: Sequence[View]
     tile: Tile
     lumas: Mapping[View, Plane]
+    """Luma of the tile of each view, with `margin`."""
+    margin: int
     shift: int
     output: Output
     cores: int
@@ -173,10 +168,10 @@ class _TileRunner(NamedTuple):
         """Upscales the parts of a batch."""
         network, views, _ = self.job[:3]
         rows, cols, disparities, parts = batch
-        image = np.stack([convert_to_planes(views[self.group[part.number]][part.tile.region]) for part in parts])
+        image = np.stack([convert_to_planes(views[self.wanted[part.number]][part.tile.region]) for part in parts])
         around = np.empty((len(parts), WINDOW_SIDE * WINDOW_SIDE, *image.shape[2:]), np.float32)
         for part, window in zip(parts, around, strict=True):
-            self._fill_window(window, part.tile, self.group[part.number])
+            self._fill_window(window, part.tile, self.wanted[part.number])
         results = network(image, around, rows, cols, disparities, cores=self.cores)
         for (number, tile, mask), large, uncertain in zip(parts, *results, strict=True):
             kept = round_levels(large[:, *tile.kept_in_tile(network.scale)], self.output.pictures)
@@ -187,4 +182,4 @@ class _TileRunner(NamedTuple):
         """Sets `luma` `(25, h, w)` to the luma of a part of the window around `view`."""
         region = part.region_in(self.tile.region)
         for plane, (other, offset) in zip(luma, list_window(view, self.job.grid), strict=True):
-            plane[...] = shift_part(self.lumas[other], self.shift, offset)[region]
+            plane[...] = shift_part(self.lumas[other], self.shift, offset, self.margin)[region]

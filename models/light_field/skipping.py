@@ -37,24 +37,24 @@ def find_background(network: LightFieldNetwork, view: Pixels) -> Pixels | None:
 class TileDifferences:
     """The places where the views of one tile differ from their background. Each view is compared once."""
 
-    def __init__(self, views: Mapping[View, Pixels], grid: tuple[int, int], tile: Tile, shift: int) -> None:
-        """`shift`: whole pixels by which views are shifted for each step in the grid; see
-        `models.light_field.disparities.shifts`.
-        """
-        self._views, self._grid, self._tile, self._shift = views, grid, tile, shift
+    def __init__(self, views: Mapping[View, Pixels], grid: tuple[int, int], tile: Tile, margin: int) -> None:
+        """`margin`: at least `models.light_field.disparities.shifts.find_margin` of every shift."""
+        self._views, self._grid, self._tile, self._margin = views, grid, tile, margin
         self._found: dict[tuple[View, bytes], NDArray[np.bool_]] = {}
 
-    def find_boxes(self, view: View, background: Pixels, radius: int) -> list[Tile]:
+    def find_boxes(self, view: View, background: Pixels, radius: int, shift: int) -> list[Tile]:
         """Returns the boxes of the tile to compute for a view whose window is `background` `(C,)` elsewhere. `radius`:
-        the network's.
+        the network's. `shift`: whole pixels by which views are shifted for each step in the grid; see
+        `models.light_field.disparities.shifts`.
         """
         tile = self._tile
-        own = shift_part(self._find_differences(view, background), self._shift, (0, 0))
+        own = shift_part(self._find_differences(view, background), shift, (0, 0), self._margin)
         if skipping.cover_with_boxes(own, radius) is None:
             return [tile]  # more views would differ in more places
         window = set(list_window(view, self._grid))
         differs = [
-            shift_part(self._find_differences(other, background), self._shift, offset) for other, offset in window
+            shift_part(self._find_differences(other, background), shift, offset, self._margin)
+            for other, offset in window
         ]
         boxes = skipping.cover_with_boxes(np.logical_or.reduce(differs), radius)
         if boxes is None:
@@ -64,7 +64,7 @@ class TileDifferences:
     def _find_differences(self, view: View, background: Pixels) -> NDArray[np.bool_]:
         key = view, background.tobytes()
         if key not in self._found:
-            part = crop_with_margin(self._views[view], self._tile.region, self._shift)
+            part = crop_with_margin(self._views[view], self._tile.region, self._margin)
             self._found[key] = skipping.find_differences(part, background)
         return self._found[key]
 

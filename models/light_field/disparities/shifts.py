@@ -5,7 +5,7 @@ Each tile of a view has its own shift, a multiple of `SHIFT_STEP`, because conte
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -110,6 +110,12 @@ def make_no_shifts(height: int, width: int) -> NDArray[np.int64]:
     return np.zeros((-(-height // SHIFT_TILE), -(-width // SHIFT_TILE)), np.int64)
 
 
+def list_shifts(shifts: NDArray[np.int64], part: Span) -> list[int]:
+    """Lists the different shifts that the tiles of a part of a view have."""
+    rows, cols = (slice(side.start // SHIFT_TILE, -(-side.stop // SHIFT_TILE)) for side in part)
+    return sorted(set(shifts[rows, cols].ravel().tolist()))
+
+
 def select_shifted(shifts: NDArray[np.int64], shift: int, part: Span) -> NDArray[np.bool_]:
     """Returns a mask `(h, w)` that is true where the tiles of a part of a view have the shift `shift`."""
     rows, cols = (np.arange(side.start, side.stop) // SHIFT_TILE for side in part)
@@ -212,31 +218,37 @@ def _add_beside(tiles: NDArray[np.int32]) -> NDArray[np.int32]:
     return own
 
 
-def crop_luma(picture: Pixels, part: Span | None = None, shift: int = 0) -> Plane:
+def find_margin(shift: int) -> int:
+    """Returns by how many pixels a shift of `shift` pixels per view can move a view of a window."""
+    return abs(shift) * (WINDOW_SIDE - 1)
+
+
+def crop_luma(picture: Pixels, part: Span | None = None, margin: int = 0) -> Plane:
     """Returns luma in [0, 1] of a picture `(H, W, C)`, or of a part of it, cropped as by `crop_with_margin`."""
-    picture = picture if part is None else crop_with_margin(picture, part, shift)
+    picture = picture if part is None else crop_with_margin(picture, part, margin)
     luma = compute_luma(picture, np.iinfo(picture.dtype).max)
     return np.minimum(luma, 1, out=luma)
 
 
-def crop_with_margin(picture: Pixels, part: Span, shift: int) -> Pixels:
-    """Crops a part of a picture `(H, W, C)` with the margin that a shift of `shift` pixels per view can move it by.
-    Beyond the picture its edge pixels are repeated.
+def crop_with_margin(picture: Pixels, part: Span, margin: int) -> Pixels:
+    """Crops a part of a picture `(H, W, C)` with a margin on each side. Beyond the picture its edge pixels are
+    repeated.
     """
-    if not shift:
-        return picture[part]
-    margin = abs(shift) * (WINDOW_SIDE - 1)
-    rows, cols = (
-        np.clip(np.arange(side.start - margin, side.stop + margin), 0, length - 1)
-        for side, length in zip(part, picture.shape[:2], strict=True)
-    )
-    cropped: Pixels = picture[rows[:, None], cols]
-    return cropped
+    inside, beyond = [], []
+    for side, length in zip(part, picture.shape[:2], strict=True):
+        start, stop = side.start - margin, side.stop + margin
+        inside.append(slice(max(0, start), min(length, stop)))
+        beyond.append((max(0, -start), max(0, stop - length)))
+    cropped: Pixels = picture[inside[0], inside[1]]
+    if not any(map(any, beyond)):
+        return cropped
+    return cast("Pixels", np.pad(cropped, (*beyond, (0, 0)), mode="edge"))
 
 
-def shift_part(plane: NDArray[Value], shift: int, offset: tuple[int, int]) -> NDArray[Value]:
-    """Shifts a part `(H, W)` by `shift` pixels for each view of its `offset` (down, right), and removes its margin."""
-    margin = abs(shift) * (WINDOW_SIDE - 1)
+def shift_part(plane: NDArray[Value], shift: int, offset: tuple[int, int], margin: int) -> NDArray[Value]:
+    """Shifts a part `(H, W)` by `shift` pixels for each view of its `offset` (down, right), and removes its `margin`,
+    which is at least that of `find_margin`.
+    """
     rows, cols = (
         slice(margin + shift * step, length - margin + shift * step)
         for step, length in zip(offset, plane.shape, strict=True)
