@@ -16,6 +16,7 @@ import numpy as np
 from ciir.models.back_projection import measure_contrast
 from ciir.models.light_field.fusion.pixels import enlarge
 from ciir.models.light_field.fusion.warping import TAPS, weigh_taps
+from ciir.models.parallel import run_each
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -69,20 +70,28 @@ class _Link(NamedTuple):
 
 
 def match_views(
-    picture: Plane, own: Seen, others: Mapping[View, Seen], sampling: SamplingKind, *, noise: float = 0.0
+    picture: Plane,
+    own: Seen,
+    others: Mapping[View, Seen],
+    sampling: SamplingKind,
+    *,
+    noise: float = 0.0,
+    cores: int = 1,
 ) -> Plane:
     """Returns `picture` `(scale*H, scale*W)`, the luma of the upscaled view `own`, closer to it and to `others`, by
     offset (down, right).
 
     `sampling`: how the views were sampled. A difference d is weighted by d^2 / (d^2 + noise^2). A view that shows other
-    content at a pixel hardly counts. All are in units of the view's contrast.
+    content at a pixel hardly counts. All are in units of the view's contrast. `cores`: most strips that are matched at
+    once.
     """
     scale = len(picture) // len(own.luma)
     height, width = own.luma.shape
     count = max(FEWEST_ROWS, STRIP_PIXELS // width)
     shifts = {offset: _find_shift(own, seen.luma, offset) for offset, seen in others.items()}
     result = np.empty_like(picture)
-    for top in range(0, height, count):
+
+    def match_strip(top: int) -> None:
         bottom = min(top + count, height)
         first, last = max(0, top - MARGIN), min(bottom + MARGIN, height)
         strip = Seen(own.luma[first:last], own.disparity[first:last])
@@ -95,6 +104,9 @@ def match_views(
             links.append(_link(strip, near, offset, shifts[offset], down=start - first, scale=scale))
         made = _solve(picture[scale * first : scale * last], links, _make_filter(sampling, scale), noise)
         result[scale * top : scale * bottom] = made[scale * (top - first) :][: scale * (bottom - top)]
+
+    tops = range(0, height, count)
+    run_each(match_strip, tops, min(cores, len(tops)))
     return result
 
 

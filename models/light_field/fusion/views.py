@@ -152,7 +152,8 @@ class FusingUpscaler:
 
         def fuse(number: int) -> None:
             sampling = self._find_sampling(wanted[number])
-            matched = self._fuse(wanted[number], result[number], sampling)
+            cores = self._cores if len(numbers) == 1 else 1
+            matched = self._fuse(wanted[number], result[number], sampling, cores)
             finished[number] = finished[number]._replace(is_fused=True, is_matched=matched, sampling=sampling)
 
         self._run_each(fuse, numbers)
@@ -232,9 +233,9 @@ class FusingUpscaler:
         block = list_block(view, self._grid)
         return self._samplings[view] or find_common_means([self._samplings[other] for other in block])
 
-    def _fuse(self, view: View, picture: Pixels, sampling: Sampling | None) -> bool:
-        """Changes `picture`, the upscaled `view`, to the mean of its block, and returns whether it was matched as well.
-        All channels change by as much as luma.
+    def _fuse(self, view: View, picture: Pixels, sampling: Sampling | None, cores: int) -> bool:
+        """Changes `picture`, the upscaled `view`, to the mean of its block, on `cores` cores, and returns whether it
+        was matched as well. All channels change by as much as luma.
         """
         small = self._views[view]
         contrast = _measure_contrast(small)
@@ -251,7 +252,7 @@ class FusingUpscaler:
             }
             peak = np.iinfo(small.dtype).max >> count_raised_bits(small, picture)  # of which noise is a share
             unsure = MATCHING_NOISE * noise * peak / contrast
-            fused = match_views(fused, seen.pop((0, 0)), seen, sampling.kind, noise=unsure)
+            fused = match_views(fused, seen.pop((0, 0)), seen, sampling.kind, noise=unsure, cores=cores)
         change = np.rint(fused * np.float32(contrast) - compute_luma(picture, 1)).astype(np.int32)
         for channel in np.moveaxis(picture, -1, 0):
             channel[...] = np.clip(channel + change, 0, np.iinfo(picture.dtype).max)

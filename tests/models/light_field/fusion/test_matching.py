@@ -158,6 +158,7 @@ def test_strips_make_little_difference(monkeypatch):
     got = match_views(first, own, others, "filter")
     assert np.abs(whole - first).max() > 0.2
     np.testing.assert_allclose(got, whole, atol=0.02)
+    np.testing.assert_array_equal(match_views(first, own, others, "filter", cores=2), got)
 
 
 @settings(deadline=None)
