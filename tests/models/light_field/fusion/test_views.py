@@ -425,7 +425,7 @@ def test_few_large_views_are_upscaled_at_once(side, most):
 
 def test_noise_is_a_share_of_the_bits_that_are_used(monkeypatch):
     noises = []
-    monkeypatch.setattr(fusion_views, "match_views", lambda picture, *_, noise, **_: noises.append(noise) or picture)
+    monkeypatch.setattr(fusion_views, "match_views", lambda picture, *_, noise, **__: noises.append(noise) or picture)
     finishing = Finishing(sampling=Sampling("means", likeness=1.0, gain=1.0, noise=0.01))
     for dtype, level in ((np.uint8, 200), (np.uint8, 25), (np.uint16, 51_200), (np.uint16, 800)):
         views = {view: (picture * (level / 200)).astype(dtype) for view, picture in make_views().items()}
