@@ -24,9 +24,10 @@ def main() -> int:
     gc.enable()
     if is_usual:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    status = run()
-    gc.freeze()  # or the process's end would look for cycles among all objects, which takes 20 to 50 ms
-    return status
+    try:
+        return run()
+    finally:
+        gc.freeze()  # or the process's end would look for cycles among all objects, which takes 20 to 50 ms
 
 
 def _end(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - the signature is Python's

@@ -202,7 +202,7 @@ def render(
     `ciir.renderer.placement.Placement` describes the last seven in detail.
     `time`: seconds from the start of a glTF file's animation; `animation`: its name, or its number from 0. `camera`:
     the name, or the number from 0, of a camera in a glTF file; the centre view shows its picture, with parallel rays.
-    `progress(done, total)` counts views, or lenses if these are fewer.
+    `progress(done, total)` counts views, or lenses where OpenGL draws by lens.
 
     Returns `(V, U, H, W, 3)` uint8. Raises `ciir.Error`.
     """

@@ -131,18 +131,21 @@ def _run_tile(
         for shift in list_shifts(shifts, tile.kept):
             masks.setdefault(shift, {})[number] = select_shifted(shifts, shift, tile.kept)
     margin = max(map(find_margin, masks))
-    lumas = {view: crop_luma(views[view], tile.region, margin) for view in list_required_views(wanted, grid)}
     differences = TileDifferences(views, grid, tile, margin)
+    parts: dict[int, list[Part]] = {shift: [] for shift in masks}
     for shift, here in masks.items():
-        parts: list[Part] = []
         for number, mask in here.items():
             colour = backgrounds[number]
             boxes = [tile] if colour is None else differences.find_boxes(wanted[number], colour, network.radius, shift)
             some = [Part(number, *part) for part in split_by_mask(network, boxes, mask, tile)]
             if colour is not None:
                 job.statistics.uniform += count_skipped([part.tile for part in some], mask)
-            parts += some
-        batches = list(make_batches(parts, wanted, grid, output.ranges))
+            parts[shift] += some
+    if not any(parts.values()):
+        return
+    lumas = {view: crop_luma(views[view], tile.region, margin) for view in list_required_views(wanted, grid)}
+    for shift, some in parts.items():
+        batches = list(make_batches(some, wanted, grid, output.ranges))
         is_parallel = is_parallel_faster(len(batches), network.threads)
         cores = 1 if is_parallel else network.threads
         runner = _TileRunner(job, wanted, tile, lumas, margin, shift, output, cores)

@@ -9,6 +9,7 @@ import logging
 from contextlib import aclosing
 from tempfile import gettempdir
 from typing import TYPE_CHECKING
+from urllib.parse import unquote_to_bytes
 
 from python_multipart.multipart import DEFAULT_MAX_HEADER_SIZE, parse_options_header
 from starlette.exceptions import HTTPException
@@ -34,7 +35,7 @@ MAX_FILES = 1 + len(TEXT_FILES)
 _log = logging.getLogger("ciir")
 _TRUNCATED = "The multipart body ends before its closing boundary."
 _LONG_HEADER = f"A header of a part is over {DEFAULT_MAX_HEADER_SIZE:,} bytes, the limit"
-_NO_TEXT = f"A form of the type {URLENCODED} is text of up to {MAX_FIELD_BYTES:,} bytes"
+_NO_TEXT = f"A form of the type {URLENCODED} is UTF-8 text of up to {MAX_FIELD_BYTES:,} bytes"
 _REMEDIES = {  # the beginning of a message -> its remedy
     _TRUNCATED: "send the whole body",
     _LONG_HEADER: "give the file a shorter name",
@@ -64,7 +65,7 @@ async def read_form(request: Request) -> FormData:
         read = 0
         async for chunk in request.stream():
             read += len(chunk)
-            if isinstance(parser, FormParser) and (read > MAX_FIELD_BYTES or b"\0" in chunk):
+            if isinstance(parser, FormParser) and read > MAX_FIELD_BYTES:
                 raise MultiPartException(_NO_TEXT)
             yield chunk
         if isinstance(parser, _Parser) and not parser.is_complete:
@@ -72,7 +73,7 @@ async def read_form(request: Request) -> FormData:
 
     chunks = check_size()
     parser: FormParser | _Parser = (
-        FormParser(request.headers, chunks, max_fields=MAX_FIELDS)
+        _UrlencodedParser(request.headers, chunks, max_fields=MAX_FIELDS)
         if kind == URLENCODED.encode()
         else _Parser(request.headers, chunks, max_files=MAX_FILES, max_fields=MAX_FIELDS, max_part_size=MAX_FIELD_BYTES)
     )
@@ -98,3 +99,18 @@ class _Parser(MultiPartParser):
 
     def on_end(self) -> None:
         self.is_complete = True
+
+
+class _UrlencodedParser(FormParser):
+    """Starlette's parser, but for UTF-8, also if it isn't percent-encoded (`curl -d`), and without NUL characters."""
+
+    def on_field_end(self) -> None:
+        super().on_field_end()
+        parts = (bytes(part).replace(b"+", b" ") for part in (self._field_name, self._field_value))
+        try:
+            name, value = (unquote_to_bytes(part).decode() for part in parts)
+        except UnicodeDecodeError as error:
+            raise MultiPartException(_NO_TEXT) from error
+        if "\0" in name + value:
+            raise MultiPartException(_NO_TEXT)
+        self._items[-1] = (name, value)

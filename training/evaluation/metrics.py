@@ -41,7 +41,7 @@ class MapScore(NamedTuple):
     not_finite: int
     """Pixels of the map that are not finite, but are in the truth."""
     without_truth: int
-    """Pixels that are not finite in the truth."""
+    """Pixels that don't count: they are not finite in the truth, or have no confidence there."""
 
 
 def rgb_to_luma(picture: Pixels) -> Plane:

@@ -152,7 +152,7 @@ class FusingUpscaler:
 
         def fuse(number: int) -> None:
             sampling = self._find_sampling(wanted[number])
-            cores = self._cores if len(numbers) == 1 else 1
+            cores = max(1, self._cores // len(numbers))
             matched = self._fuse(wanted[number], result[number], sampling, cores)
             finished[number] = finished[number]._replace(is_fused=True, is_matched=matched, sampling=sampling)
 

@@ -36,7 +36,8 @@ def build_model(
     progress: Progress = ignore_progress,
     clock: Clock | None = None,
 ) -> tuple[Model, Report]:
-    """Returns the model and the report. `progress` counts views, then the model as as many.
+    """Returns the model and the report. `progress` counts the views, and then the model, which counts as much
+    as all of them.
 
     A mesh is rendered on black, and its depths are rendered too, not estimated.
 

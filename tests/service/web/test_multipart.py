@@ -67,13 +67,16 @@ def test_forms_without_a_file():
     assert read(b"scene=vase&views=%30%3A2&x", PLAIN) == ["scene", "views", "x"]
     assert read(b"", f"{PLAIN}; charset=UTF-8") == []
     assert read(b"views=".ljust(multipart.MAX_FIELD_BYTES, b"0"), PLAIN) == ["views"]
+    assert read("Über+uns&%C3%9Cber%20sie".encode(), PLAIN) == ["Über uns", "Über sie"]
 
 
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        (b"views=".ljust(multipart.MAX_FIELD_BYTES + 1, b"0"), f"{PLAIN} is text of up to 65,536 bytes; .*curl -F"),
-        (b"a file\0", "is text"),
+        (b"views=".ljust(multipart.MAX_FIELD_BYTES + 1, b"0"), f"{PLAIN} is UTF-8 text of up to 65,536 bytes; .*curl -F"),
+        (b"a file\0", "is UTF-8 text"),
+        (b"a=%00", "is UTF-8 text"),
+        (b"a=%FF", "is UTF-8 text"),
         (b"a=b&" * (multipart.MAX_FIELDS + 1), "Too many fields.*64; send each option once"),
     ],
 )
