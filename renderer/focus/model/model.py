@@ -117,15 +117,15 @@ def make_model(
     Surfaces are cut where the disparity jumps so far from one pixel to the next that the farther half of the views on
     one side would not see what lies between. Without `keeps_background`, pixels that are black or transparent and
     joined to the picture's border by others are not surface, if they are over `LEAST_BACKGROUND` of all pixels. Colours
-    of 16-bit views that use fewer bits are as bright as if they used all. `progress` counts the views whose disparity
-    is estimated: the centre and the corners.
+    of 16-bit views that use fewer bits are as bright as if they used all. `progress` counts the views that the surface
+    is made from: the centre and the corners.
 
     `find_depth`: for views rendered on black, the depth of a view of a finer lens array, `(rows, cols)`, as that of
     `Backend.render_depth`. The model then has these depths in place of estimated ones, and nothing where they are
     infinite.
 
-    Raises `InvalidOption` for a single view, if there is nothing but background, for `cameras` that don't fit the
-    disparities, and for `cameras` together with `pitch` or `delta`.
+    Raises `InvalidOption` for a single view, if there is nothing but background or no depth is finite, for `cameras`
+    that don't fit the disparities, and for `cameras` together with `pitch` or `delta`.
     """
     if cameras is not None:
         check_cameras(cameras)

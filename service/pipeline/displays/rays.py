@@ -32,6 +32,6 @@ def find_samples(options: Options) -> int:
 def check_rays(count: int, limit: int | None, options: Options) -> None:
     """Raises `TooLarge` for more than `limit` rays."""
     if limit is not None and count > limit:
-        remedy = "a lower dpi" if options.print is not None else "a display with fewer pixels"
+        remedy = "a lower dpi" if options.print else "a display with fewer pixels"
         sampling = ", or leave sampling out" if options.sampling == "lenslet" else ""
         raise TooLarge(f"a picture of {count:,} rays is over the limit of {limit:,}; give {remedy}{sampling}")

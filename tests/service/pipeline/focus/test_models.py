@@ -53,6 +53,16 @@ def make_card(rgba, **material):
     return Part(vertices, faces, np.tile(np.float32(rgba), (4, 1)), **material)
 
 
+def test_progress_goes_on_while_the_model_is_made():
+    steps = []
+    build_model("vase", KINDS["disparity"].parse(MESH), progress=lambda *step: steps.append(step))
+    done, totals = zip(*steps, strict=True)
+    assert set(totals) == {2 * 25}
+    assert list(done) == sorted(done)
+    assert done[-1] == 50
+    assert sum(number > 25 for number in set(done)) == 5  # the centre view and the corners
+
+
 def test_a_black_mesh_has_a_model():
     model, report = build(Scene((make_card((0, 0, 0, 1)),)), **MESH)
     assert not model.colors.any()
@@ -90,10 +100,11 @@ def make_wall():
     return LightField(make_views(side=64, disparities=(-2, -2)), is_ordered=True, depth_sense="cameras")
 
 
+@pytest.mark.parametrize("sense", ["cameras", "lenses"])
 @pytest.mark.parametrize("model", ["none", "nearest"])
-def test_the_depth_of_a_camera_array_is_true_also_after_upscaling(model):
+def test_the_depth_of_a_camera_array_is_true_also_after_upscaling(model, sense):
     cameras = {"camera_pitch": "2", "focal_length": "36", "sensor": "36"}  # 128 / depth pixels
-    built, report = build(make_wall(), **cameras, model=model)
+    built, report = build(make_wall().with_depth_sense(sense), **cameras, model=model)
     assert not any("disparity" in note for note in report["notes"])
     assert np.median(built.vertices[:, 2]) == pytest.approx(-64, rel=0.01)
     np.testing.assert_allclose(np.ptp(built.vertices[:, :2], axis=0), 64 + 8, atol=0.5)  # the corners see 4 mm more

@@ -5,6 +5,7 @@ from ciir.errors import InvalidOption, TooLarge
 from ciir.renderer.focus import planes as library
 from ciir.renderer.levels import round_levels
 from ciir.renderer.light_field import LightField
+from ciir.renderer.readers.bundle import Bundle
 from ciir.service.pipeline.focus.planes import refocus
 from ciir.service.pipeline.options import KINDS
 
@@ -69,6 +70,14 @@ def test_larger_is_nearer_with_both_depth_senses():
     cameras, _, report = run(CAMERAS, disparity="1.25")
     np.testing.assert_allclose(cameras[0], next(library.refocus(LENSES.views, [1.25])), atol=1e-3)
     assert report["notes"] == ["written"]
+
+
+def test_a_set_of_views_may_be_of_cameras_with_either_depth_sense(tmp_path):
+    """So that nothing is said of the front of a lens array."""
+    LENSES.save(tmp_path / "views")
+    _, _, report = run(Bundle.from_path(tmp_path / "views"), disparity="1.25")
+    assert report["lens_array"]["depth_sense"] == "lenses"
+    assert not any("lens array" in note for note in report["notes"])
 
 
 def test_depths_before_cameras_are_in_millimetres():

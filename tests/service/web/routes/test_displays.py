@@ -141,7 +141,11 @@ def test_rays_over_the_servers_limit_are_refused(tmp_path):
     with run_app(tmp_path, max_output_pixels=20_000) as client:
         response = post(client, ("cube.off", CUBE), {"display": PANEL})
         assert response.status_code == 413
-        assert "a picture of 28,800 rays is over the limit of 20,000" in response.json()["detail"]
+        remedy = "give a display with fewer pixels"
+        assert f"a picture of 28,800 rays is over the limit of 20,000; {remedy}" in response.json()["detail"]
+        sheet = {"print": "1x1in", "lpi": "40", "dpi": "100"}
+        response = post(client, ("cube.off", CUBE), **sheet, format="lenticular")
+        assert response.json()["detail"].endswith("; give a lower dpi")
 
 
 def test_larger_views_keep_to_the_servers_limit(tmp_path, views):
