@@ -31,18 +31,29 @@ def check_samples(samples: int) -> None:
 
 def average_cells(picture: NDArray[np.uint8], samples: int) -> NDArray[np.uint8]:
     """Returns the rounded mean over each lens cell, `(rows, cols, c)`, of point samples
-    `(samples*rows, samples*cols, c)`.
+    `(samples*rows, samples*cols, c)`; at most `MAX_SAMPLES` along each side.
     """
     if samples == 1:
         return picture
     height, width, channels = picture.shape
-    cells = picture.reshape(height // samples, samples, width // samples, samples, channels)
-    return average_pictures(cells, axes=(1, 3))
+    # One axis after the other, columns slice by slice: NumPy's sum over both takes 15 times as long.
+    rows = picture.reshape(height // samples, samples, width * channels).sum(axis=1, dtype=np.uint16)
+    columns = rows.reshape(height // samples, width // samples, samples, channels)
+    total = columns[:, :, 0].copy()
+    for start in range(1, samples):
+        total += columns[:, :, start]
+    return _divide(total, samples**2)
 
 
 def average_pictures(pictures: NDArray[np.uint8], *, axes: tuple[int, ...]) -> NDArray[np.uint8]:
     """Returns the mean over `axes`, rounded to the nearest integer, halves up."""
     count = int(np.prod([pictures.shape[axis] for axis in axes]))
-    total = pictures.sum(axis=axes, dtype=np.uint32)
-    mean: NDArray[np.uint8] = ((total + count // 2) // count).astype(np.uint8)
+    return _divide(pictures.sum(axis=axes, dtype=np.uint32), count)
+
+
+def _divide(total: NDArray[np.unsignedinteger], count: int) -> NDArray[np.uint8]:
+    """Returns `total / count`, rounded to the nearest integer, halves up. 16 bits hold the sum of `MAX_SAMPLES` by
+    `MAX_SAMPLES` levels, and half their number.
+    """
+    mean: NDArray[np.uint8] = ((total + total.dtype.type(count // 2)) // total.dtype.type(count)).astype(np.uint8)
     return mean

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -68,29 +67,26 @@ def list_rays(array: LensArray, views: Sequence[View]) -> Iterator[RayBatch]:
     """Yields the rays of views, one view after another and row by row: their slice, their origins `(n, 3)` and their
     directions, `(3,)` if all are of one view, else `(n, 3)`.
 
-    A batch is some whole views or a part of one: small ones would cost more in Python than in Embree.
+    A batch is some whole views or some rows of one: small ones would cost more in Python than in Embree.
     """
     count = array.rows * array.cols
-    together = max(1, RAYS_PER_BATCH // count)
+    together, height = max(1, RAYS_PER_BATCH // count), max(1, RAYS_PER_BATCH // array.cols)
     tangent_x, tangent_y = array.tangent_x(), array.tangent_y()
     for first in range(0, len(views), together):
         some = views[first : first + together]
         directions = np.array([[tangent_x[u], tangent_y[v], -1.0] for v, u in some])
-        for start in range(0, count, RAYS_PER_BATCH):
-            stop = min(start + RAYS_PER_BATCH, count)
-            rays = slice(first * count + start, (first + len(some) - 1) * count + stop)
-            along = directions[0] if len(some) == 1 else directions.repeat(count, axis=0)
-            yield rays, _list_origins(array, start, stop, len(some)), along
+        for top in range(0, array.rows, height):
+            bottom = min(top + height, array.rows)
+            rays = slice(first * count + top * array.cols, (first + len(some) - 1) * count + bottom * array.cols)
+            along = directions[0] if len(some) == 1 else directions.T.repeat(count, axis=1).T
+            yield rays, _list_origins(array, top, bottom, len(some)), along
 
 
-@lru_cache(maxsize=16)  # all views of an array have the same origins
-def _list_origins(array: LensArray, start: int, stop: int, views: int) -> NDArray[np.float64]:
-    """Returns the centres of some lenses of an array, row by row, as often as there are views, `(n, 3)`, read-only."""
-    row, col = np.divmod(np.arange(start, stop), array.cols)
-    origins = np.stack([array.lens_x()[col], array.lens_y()[row], np.zeros(len(row))], axis=1)
-    origins = np.tile(origins, (views, 1))
-    origins.flags.writeable = False
-    return origins
+def _list_origins(array: LensArray, top: int, bottom: int, views: int) -> NDArray[np.float64]:
+    """Returns the centres of the lenses of some rows, row by row, as often as there are views, `(n, 3)`."""
+    axes = np.zeros((3, views, bottom - top, array.cols))  # by axis: rows of 3 are slow in NumPy
+    axes[0], axes[1] = array.lens_x(), array.lens_y()[top:bottom, None]
+    return axes.reshape(3, -1).T
 
 
 def _cast_views(

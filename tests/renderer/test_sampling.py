@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from ciir.errors import InvalidOption
-from ciir.renderer.sampling import average_cells, check_samples
+from ciir.renderer.sampling import MAX_SAMPLES, average_cells, check_samples
 
 
 @pytest.mark.parametrize("samples", [1, 2, 3, 4])
@@ -14,6 +14,15 @@ def test_average_is_the_rounded_mean_over_each_lens_cell(samples):
         for x in range(7):
             cell = picture[y * samples : (y + 1) * samples, x * samples : (x + 1) * samples].astype(float)
             assert np.abs(averaged[y, x] - cell.mean((0, 1))).max() <= 0.5
+
+
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_the_largest_sums_fit(channels):
+    """256 samples of 255 and half their number for rounding are 65,408, near the end of 16 bits."""
+    picture = np.full((32, 48, channels), 255, np.uint8)
+    picture[16:, :16] = 254
+    averaged = average_cells(picture, MAX_SAMPLES)
+    np.testing.assert_array_equal(averaged[..., 0], [[255, 255, 255], [254, 255, 255]])
 
 
 def test_samples_out_of_range():

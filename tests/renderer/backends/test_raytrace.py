@@ -28,7 +28,8 @@ def test_one_ray_is_cast_for_each_sample(samples, at_once, monkeypatch):
     assert len(list(RaytraceBackend().render_views(triangles(), array, views, samples=samples))) == len(views)
     a_view = 7 * 9 * samples**2
     assert sum(batches) == len(views) * a_view
-    assert len(batches) == (1 if len(views) * a_view <= at_once else len(views) * -(-a_view // at_once))
+    rows_at_once = max(1, at_once // (9 * samples))
+    assert len(batches) == (1 if len(views) * a_view <= at_once else len(views) * -(-7 * samples // rows_at_once))
     batches.clear()
     RaytraceBackend().render_eia(triangles(), array, samples=samples)
     assert sum(batches) == 2 * 3 * a_view
