@@ -1,8 +1,8 @@
-"""Converts other numbers to levels of 8 and 16 bits."""
+"""Converts other numbers to levels of 8 and 16 bits, and takes colours without alpha."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ciir.renderer.readers.pictures import Pixels
+
+Number = TypeVar("Number", bound=np.generic)
 
 ROUNDED = "samples are floating-point numbers, rounded to 16 bit"
 """The note on floating-point samples."""
@@ -26,6 +28,11 @@ def round_levels(picture: NDArray[np.float32], dtype: np.dtype[Any]) -> Pixels:
     """Returns the levels of `dtype`, uint8 or uint16, nearest to `picture`, of any shape."""
     levels: Pixels = np.rint(picture).clip(0, np.iinfo(dtype).max).astype(dtype)
     return levels
+
+
+def drop_alpha(pixels: NDArray[Number]) -> NDArray[Number]:
+    """Returns pixels `(..., C)`, 1 to 4 channels, without alpha: `(..., 1)` or `(..., 3)`."""
+    return pixels[..., : 1 if pixels.shape[-1] < 3 else 3]
 
 
 def round_to_8_bit(picture: Pixels, unused: int) -> NDArray[np.uint8]:

@@ -167,6 +167,7 @@ def parse_display(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pi
     """
     try:
         found = tomllib.loads(data.decode("utf-8-sig"))
+        str(found)  # raises ValueError for hexadecimal numbers that are too long for messages
     except (ValueError, RecursionError) as error:  # not UTF-8, not TOML, or a number with thousands of digits
         why = f" ({clean_text(str(error))[:100]})" if isinstance(error, tomllib.TOMLDecodeError) else ""
         remedy = "docs/displays.md has a file to begin with"

@@ -13,6 +13,7 @@ from ciir.cores import count_available_cores
 from ciir.errors import InvalidOption
 from ciir.renderer.focus.kernels import make_taps
 from ciir.renderer.focus.stereo.noise import DIFFERENCE, estimate_noise
+from ciir.renderer.levels import drop_alpha
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,7 +50,7 @@ def focus_everywhere(views: NDArray[Any], found: DisparityMap, weights: NDArray[
         for u in np.flatnonzero(weights[v]):
             down, across = v - found.view[0], int(u) - found.view[1]
             samples, reached = _sample(views[v, u], down * found.disparity, across * found.disparity)
-            squares = ndimage.uniform_filter(np.square(samples - own).mean(axis=2), 3, mode="nearest")
+            squares = ndimage.uniform_filter(np.square(drop_alpha(samples - own)).mean(axis=2), 3, mode="nearest")
             share = weights[v, u] * reached * np.exp(-np.maximum(squares - noise, 0) / tolerance)
             total += share[..., np.newaxis] * samples
             count += share

@@ -28,9 +28,9 @@ def make_aperture(grid: tuple[int, ...], radius: float, shape: Shape = "disc") -
     weights = np.clip(radius + 0.5 - distance, 0, 1)
     if shape == "gauss":
         weights = np.exp(-2 * np.square(distance / radius)) if radius > 0 else np.zeros(grid)
-    if not weights.any():
-        raise InvalidOption(f"aperture: a radius of {radius:g} views lets no view through; give 0.5 or more")
     result: NDArray[np.float32] = weights.astype(np.float32)
+    if not result.any():
+        raise InvalidOption(f"aperture: a radius of {radius:g} views lets no view through; give 0.5 or more")
     return result
 
 

@@ -21,6 +21,7 @@ from ciir.errors import InvalidOption
 from ciir.renderer.focus.kernels import REACH, make_sinc_taps
 from ciir.renderer.focus.planes import read_disparities, refocus
 from ciir.renderer.focus.stereo.noise import DIFFERENCE, estimate_noise
+from ciir.renderer.levels import drop_alpha
 from ciir.renderer.views import center_view
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ def _make_rows(
     counting = np.flatnonzero(weights)
     candidates = np.random.default_rng(0).permutation(counting)[:CANDIDATES]
     most = np.zeros(samples.shape[1:3], np.float32)
-    mode = np.zeros(samples.shape[1:], np.float32)
+    mode = _average(samples, reached)
     for candidate in candidates:
         agreeing = _compare(samples, samples[candidate], tolerance, reached).sum(axis=0)
         is_more = (agreeing > most) & (reached[candidate] > 0)
@@ -91,17 +92,24 @@ def _make_rows(
         np.copyto(mode, samples[candidate], where=is_more[..., np.newaxis])
     for _ in range(2):
         shares = _compare(samples, mode, tolerance, reached)
-        mode = np.einsum("khwc,khw->hwc", samples, shares) / np.maximum(shares.sum(axis=0), 1e-9)[..., np.newaxis]
+        mode = _average(samples, shares)
     return mode
+
+
+def _average(samples: NDArray[np.float32], shares: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Returns the mean `(h, W, C)` of samples with these shares `(views, h, W)`; 0 where no sample has one."""
+    mean: NDArray[np.float32] = np.einsum("khwc,khw->hwc", samples, shares)
+    mean /= np.maximum(shares.sum(axis=0), 1e-9)[..., np.newaxis]
+    return mean
 
 
 def _compare(
     samples: NDArray[np.float32], colours: NDArray[np.float32], tolerance: float, reached: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """Returns how much each sample counts for these colours, `(views, h, W)`."""
-    differences = samples - colours
+    differences = drop_alpha(samples - colours)
     squares = np.einsum("khwc,khwc->khw", differences, differences)
-    shares: NDArray[np.float32] = np.exp(squares * np.float32(-1 / (tolerance * samples.shape[3]))) * reached
+    shares: NDArray[np.float32] = np.exp(squares * np.float32(-1 / (tolerance * differences.shape[3]))) * reached
     return shares
 
 

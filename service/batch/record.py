@@ -28,7 +28,8 @@ class Record:
         self._name = f"{STATE}/records/{hash_name(task.out)}.json"
         part = task.part and (task.part.views, task.part.model, task.part.first, len(task.part.times))
         name = task.source.rpartition("/")[2]
-        self._key = compute_key(name, task.out, task.is_file, task.is_video, part, options=request.options)
+        frames = request.white is not None, request.dark is not None  # what is in them is part of the trace
+        self._key = compute_key(name, task.out, task.is_file, task.is_video, part, frames, options=request.options)
         self._kept: dict[str, Any] = self._read(task)
 
     def _read(self, task: Task) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from scipy import ndimage
 from ciir.renderer.backends.embree import PreparedScene
 from ciir.renderer.backends.raytrace import list_rays
 from ciir.renderer.focus.stereo.sweep import find_overlap, read_levels
+from ciir.renderer.levels import drop_alpha
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -34,7 +35,7 @@ def find_shown(field: LightField) -> NDArray[np.bool_]:
     picture's border.
     """
     views = field.views
-    levels = views[..., -1:] if field.is_transparent() else views[..., : 1 if views.shape[4] < 3 else 3]
+    levels = views[..., -1:] if field.is_transparent() else drop_alpha(views)
     is_empty: NDArray[np.bool_] = levels.max(axis=4) == 0
     is_shown: NDArray[np.bool_] = np.ones(views.shape[:4], bool)
     for v, u in np.ndindex(views.shape[:2]):

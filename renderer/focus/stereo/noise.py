@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import ndimage
 
+from ciir.renderer.levels import drop_alpha
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -17,11 +19,12 @@ _LAPLACIANS = np.outer((1, -2, 1), (1, -2, 1))
 
 
 def estimate_noise(picture: NDArray[Any]) -> float:
-    """Returns the standard deviation of the noise in `picture`, `(H, W, C)`, in its units.
+    """Returns the standard deviation of the noise in `picture`, `(H, W, C)`, in its units, without alpha.
 
     Uses Immerkaer's operator (CVIU 64, 1996) with the lower quartile in place of the mean, so that edges hardly count.
     """
-    changes = np.abs(ndimage.convolve(picture.astype(np.float32), _LAPLACIANS[..., np.newaxis], mode="mirror"))
+    colours = drop_alpha(picture).astype(np.float32)
+    changes = np.abs(ndimage.convolve(colours, _LAPLACIANS[..., np.newaxis], mode="mirror"))
     return float(np.quantile(changes, 0.25)) / (6 * 0.3186)
 
 

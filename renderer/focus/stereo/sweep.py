@@ -17,6 +17,7 @@ import numpy as np
 from scipy import ndimage
 
 from ciir.renderer.focus.kernels import make_taps
+from ciir.renderer.levels import drop_alpha
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -121,8 +122,7 @@ class Sweep:
 
 def read_levels(view: NDArray[Any]) -> NDArray[np.float32]:
     """Returns `(C, H, W)` in 8-bit levels, without alpha, of a view `(H, W, C)`."""
-    colors = 1 if view.shape[2] < 3 else 3
-    levels = view[..., :colors].transpose(2, 0, 1).astype(np.float32, order="C")
+    levels = drop_alpha(view).transpose(2, 0, 1).astype(np.float32, order="C")
     if np.issubdtype(view.dtype, np.integer):
         levels *= np.float32(255 / np.iinfo(view.dtype).max)
     return levels

@@ -118,6 +118,12 @@ def test_a_byte_order_mark_is_no_error():
     assert parse(f"\ufeff{SMALLEST}") == parse(SMALLEST)
 
 
+def test_a_number_of_thousands_of_digits_is_named_in_any_base():
+    for digits in ("9" * 5000, "0x1" + "0" * 5000):
+        with pytest.raises(Unreadable, match=r"^d.toml: "):
+            parse(SMALLEST.replace("[30, 20]", f"[{digits}, 20]"))
+
+
 def test_a_panel_of_too_many_pixels_is_refused():
     with pytest.raises(TooLarge, match="at most 67,108,864 are made"):
         parse(SMALLEST.replace("[30, 20]", "[90000, 90000]"))

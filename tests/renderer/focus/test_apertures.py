@@ -28,6 +28,8 @@ def test_what_is_no_aperture():
         make_aperture((4, 4), 0)
     with pytest.raises(InvalidOption, match="a radius of 0 views lets no view through"):
         make_aperture((5, 5), 0, "gauss")
+    with pytest.raises(InvalidOption, match=r"a radius of 0.05 views lets no view through"):
+        make_aperture((8, 8), 0.05, "gauss")  # weights over 0 in 64 bits alone
     with pytest.raises(InvalidOption, match="shape: 'star' is not known; give disc, square, gauss"):
         read_aperture(None, (4, 4), "star")
     with pytest.raises(InvalidOption, match=r"aperture: 'nan' is not a number"):

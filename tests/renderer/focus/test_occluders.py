@@ -46,6 +46,23 @@ def test_a_wall_behind_a_fence_in_16_bits_of_which_10_are_used():
     assert compute_psnr(removed[5:-5, 5:-5] / 4, wall[5:-5, 5:-5]) > 45
 
 
+def test_opaque_alpha_changes_no_colour():
+    views, _ = make_scene(noise=10)
+    opaque = np.concatenate([views, np.full((*views.shape[:4], 1), 255, np.uint8)], axis=4)
+    (removed,), (wanted,) = (make_planes(some, [WALL], ONES, "mapping", "remove") for some in (opaque, views))
+    np.testing.assert_array_equal(removed[..., :3], wanted)
+    assert np.abs(removed[..., 3] - 255).max() < 1e-3
+
+
+def test_pixels_that_few_views_reach_are_not_black():
+    """17x17 views of a plane at a disparity of 20: none of the 16 candidates may reach a pixel that others do."""
+    plane = ndimage.gaussian_filter(np.random.default_rng(3).standard_normal((384, 384, 3)), (3, 3, 0))
+    plane = (150 + 300 * plane).clip(80, 220).round().astype(np.uint8)
+    views = np.stack([[plane[20 * v :, 20 * u :][:64, :64] for u in range(17)] for v in range(17)])
+    (removed,) = make_planes(views, [20.0], np.ones((17, 17), np.float32), "mapping", "remove")
+    np.testing.assert_allclose(removed, views[8, 8], atol=1)
+
+
 def test_without_occluders_it_is_the_mean():
     """Two steps of the weighted mean of views without differences are the mean."""
     views, _ = make_scene()

@@ -7,6 +7,7 @@ import os
 import shutil
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from ciir.renderer.light_field import LightField
@@ -192,6 +193,17 @@ def test_what_is_done_is_not_done_again(folder, capsys):
     assert (out / "arrays/vase/view_01_01.png").read_bytes() == (out / "arrays/globe/view_01_01.png").read_bytes()
     assert sorted(path.name for path in (out / ".batch").iterdir()) == ["lock", "records"]
     assert "2 of 3 inputs done, 1 done before" in capsys.readouterr().out
+
+
+def test_a_white_frame_that_is_given_later_counts(tmp_path, capsys):
+    light = np.random.default_rng(0).integers(60, 200, (80, 80, 3), dtype=np.uint8)
+    for name, pixels in (("raw.png", light), ("white.png", light // 2 + 90)):
+        (tmp_path / name).write_bytes(encode_png(pixels))
+    grid = ("--lens-pitch", "10", "--lens-offset", "4.5,4.5", "--lens-rotation", "0", "--lens-grid", "square")
+    options = (*grid, "--pixels", "5x5", "--model", "none", "--workers", "1")
+    for more, said in (((), "1 of 1 inputs done"), (("--white", str(tmp_path / "white.png")), "1 of 1 inputs done")):
+        assert main(["batch", str(tmp_path / "raw.png"), "-o", str(tmp_path / "out"), *options, *more]) == 0
+        assert said in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("content", [b'{"out": "cube", "k', b'{"key": 1}', b"[]", b""])

@@ -23,6 +23,13 @@ def test_noise_is_found_beside_edges(sigma, dtype):
     assert estimate_noise(view) * 255 / np.iinfo(dtype).max == pytest.approx(sigma, rel=0.05, abs=0.1)
 
 
+@pytest.mark.parametrize("channels", [1, 3])
+def test_alpha_does_not_count(channels):
+    view = np.random.default_rng(7).integers(100, 140, (60, 70, channels), dtype=np.uint8)
+    alpha = np.full((60, 70, 1), 255, np.uint8)
+    assert estimate_noise(np.concatenate([view, alpha], axis=2)) == estimate_noise(view) > 5
+
+
 @pytest.mark.parametrize("deviation", [0, 0.3, 1])
 def test_what_a_blur_leaves_of_noise(deviation):
     noise = np.random.default_rng(0).standard_normal((300, 300))
