@@ -123,12 +123,13 @@ def _interpolate_strip(
     levels = np.iinfo(left.dtype).max / 255
     best = np.full((left.shape[0] - 2 * margin, width), np.inf, np.float32)
     chosen = np.zeros(best.shape, np.intp)
+    costs = np.empty((left.shape[0], width + 2 * margin), np.float32)
     for index, disparity in enumerate(disparities):
         shifts = fraction * disparity, (fraction - 1) * disparity
         first, second = (_shift(side, shift, reach, width) for side, shift in zip((one, other), shifts, strict=True))
-        cost = np.abs(first - second).sum(axis=0) / np.float32(len(one))
-        cost = np.pad(cost, ((0, 0), (margin, margin)), "edge")
-        cost = _average_box(cost) + REST * levels * abs(disparity)
+        np.divide(np.abs(first - second).sum(axis=0), np.float32(len(one)), out=costs[:, margin:-margin])
+        costs[:, :margin], costs[:, -margin:] = costs[:, margin, None], costs[:, -margin - 1, None]  # np.pad is slower
+        cost = _average_box(costs) + REST * levels * abs(disparity)
         is_better = cost < best
         np.copyto(best, cost, where=is_better)
         chosen[is_better] = index
