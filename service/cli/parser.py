@@ -55,7 +55,7 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
         known = re.findall(r"--[\w-]+", parser.format_usage())
         remedy = _advise(rest[0].partition("=")[0], known) or f"see {parser.prog} --help"
         if re.fullmatch(r"\d+,\d+;?", rest[0]):
-            remedy = "several views are one word, as in --views '0,0;7,7'"
+            remedy = "several views are one word, as in --views '0,0 7,7'"
         raise InvalidOption(f"unrecognized arguments: {' '.join(rest)}; {remedy}")
     return args
 

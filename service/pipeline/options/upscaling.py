@@ -31,7 +31,7 @@ OTHER_SCALES = (
 UPSCALING = {
     "views": Option(
         "SPEC",
-        "views to make: center, cross, all, or pairs of row and column such as '0,0;7,7' (default center)",
+        "views to make: center, cross, all, or pairs of row and column such as '0,0 7,7' (default center)",
         values.VIEWS,
         "cross",
     ),

@@ -185,9 +185,9 @@ VIEW = make_form(
     write=lambda view: "{},{}".format(*view),
 )
 VIEWS = make_form(
-    f"center|cross|all|{_VIEW}(;{_VIEW})*",
-    form="center, cross, all, or pairs such as 0,0;7,7",
-    parse=lambda _, text: text,
+    rf"center|cross|all|{_VIEW}((;|\s+){_VIEW})*",
+    form="center, cross, all, or pairs such as '0,0 7,7'",
+    parse=lambda _, text: re.sub(r"\s+", ";", text),  # the separator of a job's options
     convert=_convert_views,
     needed="'center', 'cross', 'all', or pairs such as [(0, 0), (7, 7)]",
 )

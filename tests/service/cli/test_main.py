@@ -95,7 +95,7 @@ def empty_folder(tmp_path, monkeypatch):
         (["evaluate", "fast", "--foo", "a"], ["unrecognized", "--foo", "see ciir evaluate --help"]),
         (
             ["reconstruct", "a", "-o", "b", "--views", "0,0", "7,7"],
-            ["unrecognized", "7,7; several views", "--views '0,0;7,7'"],
+            ["unrecognized", "7,7; several views", "--views '0,0 7,7'"],
         ),
         (["reconstruct", "scene:vase", "--lens", "5x5", "-o", "a.png"], ["--lens 5x5; did you mean --lenses?"]),
         (["evaluate", "--light-feild", "a"], ["--light-feild; did you mean --light-field?"]),

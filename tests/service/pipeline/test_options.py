@@ -166,6 +166,16 @@ def test_any_text_gives_options_or_an_error(texts):
     json.dumps(options.as_dict(), allow_nan=False)
 
 
+@pytest.mark.parametrize("text", ["0,0;7,7", "0,0 7,7", " 0, 0;  7 ,7 ", "0,0\n7,7"])
+def test_views_are_separated_by_white_space_too(text):
+    """In a shell and in curl's -F, a semicolon ends a value."""
+    assert Options.parse({"views": text}).views == "0,0;7,7"
+
+
+def test_the_schema_of_views_takes_white_space_between_them():
+    assert re.fullmatch(describe("views")["pattern"], "0,0 7,7")
+
+
 def test_the_lens_grid_is_known_as_far_as_it_is_given():
     assert Options().known_grid is None
     assert Options.parse({"lens_pitch": "auto"}).known_grid == Known()
