@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import asdict
 from typing import IO, TYPE_CHECKING, BinaryIO
 
-from ciir.errors import InvalidOption, NoRoom, QueueFull, QueueUnavailable, ResultExpired
+from ciir.errors import InvalidOption, NoRoom, QueueFull, QueueUnavailable, ResultExpired, TooLarge
 from ciir.service.jobs.disk import Disk
 from ciir.service.jobs.files import INPUTS, RECORD, RESULTS, Files, hash_content, make_folder
 from ciir.service.jobs.identity import compute_file_id, compute_id, hash_installation
@@ -123,15 +123,18 @@ class Jobs:
     def keep_file(self, name: str, file: BinaryIO, client: str = "") -> tuple[Job, bool]:
         """Keeps all bytes of `file` as the result of an ended job; returns that job, and whether it is new.
 
-        `client` is listed in the job. Raises `NoRoom` if the file and what was used within `MIN_KEEP_SECONDS` exceed
-        `keep_bytes`.
+        `client` is listed in the job. Raises `TooLarge` if the file alone exceeds `keep_bytes`, and `NoRoom` if it
+        does so with what was used within `MIN_KEEP_SECONDS`.
         """
         content = hash_content(file)
         id_ = compute_file_id(name, content)
         if (joined := self._join_stored(self.records.get(id_), client)) is not None:
             return joined, False
-        self.disk.check()
         part, size = secrets.token_hex(8), file.seek(0, io.SEEK_END)
+        if size > self._keep_bytes:
+            limit = f"the limit of {self._keep_bytes:,} for all files and results that are kept (CIIR_KEEP_BYTES)"
+            raise TooLarge(f"file: {size:,} bytes are over {limit}; send the file with each request")
+        self.disk.check()
         finished, latest = self.queue.finished.items().values(), time.time() - MIN_KEEP_SECONDS
         if size + sum(size for used, size in map(json.loads, finished) if used > latest) > self._keep_bytes:
             raise NoRoom(

@@ -77,14 +77,19 @@ def respond_problem(
     return JSONResponse(describe_problem(path, status, detail, title), status, again | dict(headers or {}), MEDIA_TYPE)
 
 
-def respond_error(error: Error, path: str) -> JSONResponse:
-    """Responds with the problem for `error`. The details of an error of the server only go to its log."""
+def respond_error(error: Error, path: str, retry_after: str = RETRY_SECONDS) -> JSONResponse:
+    """Responds with the problem for `error`. The details of an error of the server only go to its log.
+
+    `retry_after`: seconds, for a 503.
+    """
     row = find_response(error)
     detail = str(error)
     if row.status == 500:
         _log.error("%s: %s", type(error).__name__, detail)
         detail = SERVER_ERROR
-    headers = {"Retry-After": str(error.retry_after)} if isinstance(error, QueueFull) else None
+    if isinstance(error, QueueFull):
+        retry_after = str(error.retry_after)
+    headers = {"Retry-After": retry_after} if row.status in (429, 503) else None
     return respond_problem(path, row.status, detail, title=row.title, headers=headers)
 
 

@@ -12,12 +12,13 @@ from fastapi import APIRouter, Depends, Path, Request, Response
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
-from ciir.errors import ResultExpired, TooLarge
+from ciir.errors import NoRoom, ResultExpired, TooLarge
 from ciir.renderer.readers.names import clean_text
 from ciir.service.jobs.job import FINAL, KEPT_FILE, Job
 from ciir.service.pipeline.options import KINDS
 from ciir.service.web import multipart
 from ciir.service.web.middleware.api_keys import hash_client
+from ciir.service.web.problems import respond_error
 from ciir.service.web.routes import openapi, results, schemas, upload
 from ciir.service.web.routes.state import State  # noqa: TC001 - FastAPI reads the annotations of routes
 
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 
 ROOT = "/v1/files"
 _ID = re.compile(r"[0-9a-f]{32}")
+_NO_ROOM_SECONDS = "60"
+"""`Retry-After` if there is no room for a file, which may be large, so that it isn't sent again and again at once."""
 _ENDS = {"failed": "failed", "cancelled": "was cancelled"}
 _log = logging.getLogger("ciir.jobs")
 
@@ -102,6 +105,8 @@ async def keep_file(request: Request, state: State) -> Response:
     try:
         name, file = upload.parse_file(form.multi_items())
         job, is_new = await to_thread.run_sync(state.engine.jobs.keep_file, name, file, hash_client(request))
+    except NoRoom as error:
+        return respond_error(error, request.url.path, _NO_ROOM_SECONDS)
     finally:
         await form.close()
     _log.info("file %s: %s, %s", job.id, name, "kept" if is_new else "known")

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from ciir.errors import NoRoom, QueueUnavailable, ResultExpired
+from ciir.errors import NoRoom, QueueUnavailable, ResultExpired, TooLarge
 from ciir.service.jobs.job import KEPT_FILE, Request
 from ciir.service.jobs.workers.orphans import ORPHAN_SECONDS, remove_orphaned_files
 from tests.support.jobs import finish_job, list_files, read_result, run_in_threads, set_clock, submit_data
@@ -204,6 +204,8 @@ def test_files_in_use_keep_within_the_limit(service, monkeypatch):
     first, _ = keep(jobs, bytes(1500))
     with pytest.raises(NoRoom, match="keeps at most 3,000 bytes of files and results"):
         keep(jobs, bytes(1501))
+    with pytest.raises(TooLarge, match=r"3,001 bytes are over the limit of 3,000 .*; send the file with each request"):
+        keep(jobs, bytes(3001))
     set_clock(monkeypatch, 1061.0)
     assert keep(jobs, bytes(1501))[1]  # the first can expire now
     jobs.sweep()

@@ -2,6 +2,7 @@
 
 import re
 
+import httpx2
 import pytest
 from playwright.sync_api import expect
 
@@ -343,8 +344,11 @@ def test_a_file_that_the_server_keeps_no_more_is_sent_again(page, posts, server,
     assert "files" not in [kind for kind, _ in posts]
 
 
-def test_a_file_that_the_server_has_no_room_to_keep_is_sent_with_each_job(browser, tmp_path):
-    with serve_app(tmp_path, keep_bytes=0) as server:
+@pytest.mark.parametrize(("limit", "status"), [(0, 413), (len(EIA_PNG), 503)])
+def test_a_file_that_the_server_has_no_room_to_keep_is_sent_with_each_job(browser, tmp_path, limit, status):
+    with serve_app(tmp_path, keep_bytes=limit) as server:
+        if limit:
+            httpx2.post(f"{server.url}/v1/files", files={"file": ("other.png", b"other")}).raise_for_status()
         page = browser.new_page()
         answers = []
         page.on("response", lambda each: answers.append((each.url.rpartition("/")[2], each.status)))
@@ -352,7 +356,7 @@ def test_a_file_that_the_server_has_no_room_to_keep_is_sent_with_each_job(browse
         choose(page, ("eia.png", EIA_PNG))
         wait_for_picture(page, 6, 9)
         posted = [(name, status) for name, status in answers if name in ("files", "inspections", "reconstructions")]
-        assert posted == [("files", 503), ("inspections", 202), ("files", 503), ("reconstructions", 202)]
+        assert posted == [("files", status), ("inspections", 202), ("files", status), ("reconstructions", 202)]
         page.close()
 
 

@@ -260,6 +260,15 @@ def test_a_server_that_takes_no_files(own, eia, monkeypatch):
     assert own.get(f"{FILES}/{id_}").status_code == 200
 
 
+def test_files_that_there_is_no_room_to_keep(tmp_path):
+    with run_app(tmp_path, keep_bytes=8) as client:
+        check_problem(keep(client, b"over eight"), 413, "10 bytes are over the limit of 8", "with each request")
+        keep_id(client, b"four")
+        refused = keep(client, b"other")
+        check_problem(refused, 503, "try again in a minute")
+        assert refused.headers["retry-after"] == "60"
+
+
 def test_a_file_is_never_read_whole(own, monkeypatch):
     data = np.random.default_rng(0).bytes(5 * 2**20)
     asked = []

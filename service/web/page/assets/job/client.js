@@ -7,7 +7,7 @@ import { TEXTS } from "../texts.js";
 const KEY = "key";
 const RETRY_MILLISECONDS = 1000;
 const ENDED = ["done", "failed", "cancelled"];
-const EXPIRED = 410, NO_ROOM = 503;
+const EXPIRED = 410, TOO_LARGE = 413, NO_ROOM = 503;
 /** @type {WeakMap<File, string>} The ids of the files that the server keeps. */
 const kept = new WeakMap();
 
@@ -164,7 +164,7 @@ async function keepFile(file, signal, report) {
 }
 
 /**
- * Puts a file into a form: its id, once the server keeps it, or the file itself if the server has no room to keep it.
+ * Puts a file into a form: its id, once the server keeps it, or the file itself if the server can't keep it.
  * @param {FormData} form
  * @param {File} file
  * @param {AbortSignal} signal
@@ -175,7 +175,7 @@ async function setFile(form, file, signal, report) {
     form.set("file_id", kept.get(file) ?? (await keepFile(file, signal, report)));
     form.delete("file");
   } catch (error) {
-    if (!(error instanceof Problem && error.status === NO_ROOM)) throw error;
+    if (!(error instanceof Problem && [TOO_LARGE, NO_ROOM].includes(error.status))) throw error;
     form.set("file", file);
     form.delete("file_id");
   }
