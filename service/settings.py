@@ -52,6 +52,8 @@ def _check_queue(given: str) -> str:
 
 def _check_files(given: str) -> str:
     """Returns an address as it is, or a folder's absolute path; empty for the default."""
+    if given.startswith("memory://"):
+        raise ValueError("files in the memory of this process, which no restart and no other process can read")
     if re.match(r"[A-Za-z0-9+]+:(?!//)", given):  # this is a valid folder name, but s3:BUCKET is meant as an address
         raise ValueError("an address without //")
     if not given or "://" in given:

@@ -40,8 +40,8 @@ def test_settings_are_read_from_the_environment(monkeypatch, tmp_path):
     assert "first" not in repr(found)
 
 
-@pytest.mark.parametrize("value", ["s3:bucket", "S3:bucket/path", "s3:/bucket", "http:localhost"])
-def test_an_address_of_files_without_slashes_is_no_folder(monkeypatch, value):
+@pytest.mark.parametrize("value", ["s3:bucket", "S3:bucket/path", "s3:/bucket", "http:localhost", "memory://files"])
+def test_places_that_keep_no_files_are_refused(monkeypatch, value):
     monkeypatch.setenv("CIIR_FILES", value)
     with pytest.raises(
         InvalidOption, match=f"CIIR_FILES: '{value}' is not a folder's path, or an address such as s3://"

@@ -120,7 +120,7 @@ class JobService:
 
     def open_jobs(self, **settings):
         """Opens the jobs in the folder, as another process would."""
-        jobs = Jobs(Settings(folder=self.folder, **settings))
+        jobs = Jobs(Settings(folder=self.folder).model_copy(update=settings))  # unchecked, for stores in memory
         self._jobs.append(jobs)
         return jobs
 

@@ -152,6 +152,10 @@ def _resolve_outputs(text: str, inputs: list[str], sources: list[str]) -> str:
     place, where = text.rstrip("/"), locate(text) if "://" in text else text
     if "://" not in where:
         place = where = str(output_path.resolve_folder(where, what="the outputs").resolve())
+    if where.startswith("memory:"):
+        raise InvalidOption(
+            f"{text}: files in memory are lost when the command ends; give a folder, or a URL such as s3://"
+        )
     folder = PurePosixPath(where)
     given = [(each, path) for each in inputs if not each.startswith(SCENE) for path in resolve(locate(each))]
     found = [(each, path) for each in sources if not each.startswith(SCENE) for path in resolve(each)]

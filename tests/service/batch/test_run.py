@@ -121,6 +121,13 @@ def test_an_earlier_output_leaves_no_empty_folder(folder, tmp_path, others):
     assert (tmp_path / "out" / "vase").exists() is bool(others)
 
 
+@pytest.mark.parametrize("out", ["memory://out", "simplecache::memory://out"])
+def test_outputs_in_memory_are_refused(capsys, out):
+    assert main(["batch", "scene:vase", "-o", out, *ARRAY]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"ciir: {out}: files in memory are lost when the command ends; give a folder")
+
+
 @pytest.mark.parametrize("given", [".", "in", "../in/"])
 def test_outputs_in_an_input_are_refused_before_they_are_inputs(tmp_path, monkeypatch, capsys, given):
     (tmp_path / "in").mkdir()
