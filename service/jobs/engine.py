@@ -72,7 +72,7 @@ class Engine:
         self._was_ready = True
 
     def check_ready(self) -> None:
-        """Raises `NotReady` unless jobs are accepted and a worker is ready; `QueueUnavailable` for disk or queue."""
+        """Raises `NotReady` unless a worker can take new jobs, and `QueueUnavailable` for disk, queue or files."""
         self.jobs.disk.check()  # first: a full disk may be why no worker is ready
         self.check_accepting()
         if self._pool is not None and not self._pool.is_ready():
@@ -80,6 +80,7 @@ class Engine:
             raise NotReady(self._describe_start(usual))
         self.jobs.queue.check()
         self.jobs.count_waiting()
+        self.jobs.files.check()
 
     def _describe_start(self, usual: str) -> str:
         """Says why no worker is ready: `usual` unless starting one failed."""

@@ -10,6 +10,7 @@ import hashlib
 import os
 import secrets
 import shutil
+import threading
 import time
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from typing import IO, TYPE_CHECKING, BinaryIO
 import fsspec
 from fsspec.implementations.local import LocalFileSystem
 
-from ciir.errors import InvalidOption
+from ciir.errors import InvalidOption, QueueUnavailable
 from ciir.service.jobs.resource import DISK_FULL, FULL_AT_START, PROGRAMMING_ERRORS, Resource, is_full
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ CHUNK = 1 << 20
 HASHES = 2048
 """Number of files whose hash is kept in memory, at 1 KB each."""
 _PARTIAL = ".partial"
+_UNUSABLE, _NO_ANSWER = "the server's files can't be used ({}); try again later", "their store doesn't answer"
 
 
 def hash_content(file: IO[bytes]) -> str:
@@ -83,6 +85,7 @@ class Files:
         """
         self._place = Resource("the files", self._describe)
         self._writes = Resource("writing files", lambda error: self._describe(error, is_write=True))
+        self._probing = threading.Lock()
         self._hash = lru_cache(HASHES)(self._hash_file)
         try:
             self._fs, root = fsspec.core.url_to_fs(place, use_listings_cache=False)  # other servers write there too
@@ -112,6 +115,20 @@ class Files:
             with self._fs.open(path, "wb"):
                 pass
             self._fs.rm_file(path)
+
+    def check(self) -> None:
+        """Tries an object store again whose last use failed. Folders are checked by `Disk`."""
+        failed = [each for each in (self._place, self._writes) if each.has_failed() and not self._is_local]
+        if not failed:
+            return
+        if not self._probing.acquire(blocking=False):  # one call at a time, because a store may take long to fail
+            raise QueueUnavailable(_UNUSABLE.format(_NO_ANSWER))
+        try:
+            for each in failed:
+                with each.use():
+                    self._probe()
+        finally:
+            self._probing.release()
 
     def _path(self, *names: str) -> str:
         return "/".join((self._root, *names))
@@ -243,5 +260,4 @@ class Files:
             return None
         if is_full(error):
             return DISK_FULL
-        reason = getattr(error, "strerror", None) or "their store doesn't answer"
-        return f"the server's files can't be used ({reason}); try again later"
+        return _UNUSABLE.format(getattr(error, "strerror", None) or _NO_ANSWER)

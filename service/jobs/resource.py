@@ -35,6 +35,10 @@ class Resource:
         self._name, self._describe = name, describe
         self._error = ""
 
+    def has_failed(self) -> bool:
+        """Checks whether the last use failed."""
+        return self._error != ""
+
     @contextmanager
     def use(self) -> Iterator[None]:
         """Raises `QueueUnavailable` for an error of the resource, which is logged unless the last one was the same.

@@ -36,7 +36,7 @@ async def healthz() -> dict[str, str]:
     "/readyz",
     operation_id="getReadiness",
     tags=["operation"],
-    summary="Ready: a worker has loaded its models, the queue can be reached, and the server is not stopping",
+    summary="Ready: a worker has loaded its models, queue and files can be reached, and the server is not stopping",
     responses=openapi.describe_errors(503),
 )
 async def readyz(state: State) -> dict[str, str]:

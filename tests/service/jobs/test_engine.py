@@ -92,6 +92,19 @@ def test_it_is_not_ready_while_the_queue_takes_no_writes(engine, pool, monkeypat
         engine.check_ready()
 
 
+def test_it_is_not_ready_while_the_store_of_its_files_fails(engine, pool, monkeypatch):
+    engine.start()
+    pool.ready = True
+
+    def fail():
+        raise QueueUnavailable("no store")
+
+    monkeypatch.setattr(engine.jobs.files, "check", fail)
+    engine.check_accepting()
+    with pytest.raises(QueueUnavailable, match="no store"):
+        engine.check_ready()
+
+
 def test_gauges_of_the_queue(engine, monkeypatch):
     submit_data(engine.jobs)
     engine.update_gauges()

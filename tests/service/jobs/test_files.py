@@ -161,6 +161,30 @@ def test_an_error_of_an_object_stores_client_is_reported(tmp_path, monkeypatch, 
     assert "could not connect" in caplog.text
 
 
+def test_a_store_that_failed_is_tried_again(tmp_path, monkeypatch):
+    files, calls = Files(f"memory://{tmp_path.name}/files", tmp_path / "scratch"), []
+    files.check()
+    with monkeypatch.context() as patch:
+
+        def fail(*args, **options):
+            calls.append(args)
+            if len(calls) > 1:  # by `check`
+                with pytest.raises(QueueUnavailable, match="store doesn't answer"):
+                    files.check()  # for another request meanwhile: it isn't tried twice at once
+            raise OSError("could not connect")
+
+        patch.setattr(files._fs, "exists", fail)
+        patch.setattr(files._fs, "open", fail)
+        with pytest.raises(QueueUnavailable):
+            files.exists(INPUTS, "a")
+        for _ in range(2):
+            with pytest.raises(QueueUnavailable, match="store doesn't answer"):
+                files.check()
+    files.check()
+    assert len(calls) == 3
+    assert files.list_names(INPUTS) == []
+
+
 def test_a_store_whose_client_has_errors_of_its_own(tmp_path, monkeypatch):
     """As botocore's where there are no credentials."""
 
