@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
@@ -17,7 +18,7 @@ from ciir.renderer.writers.atomic_write import read_path
 from ciir.renderer.writers.pictures import encode_png
 from ciir.renderer.writers.writer import MemoryWriter
 from ciir.service.pipeline.elemental import render_eia
-from ciir.service.pipeline.given import open_given
+from ciir.service.pipeline.given import open_given, read_picture
 from ciir.service.pipeline.options import RECONSTRUCTION, Options
 from ciir.service.pipeline.options.writing import WRITING
 from ciir.service.pipeline.run import reconstruct as run_reconstruction
@@ -258,8 +259,19 @@ def upscale(
     sampling: Sampling = ...,
     progress: Progress | None = ...,
 ) -> np.ndarray[Any, np.dtype[Picture]]: ...
+@overload
 def upscale(
-    images: LightField | np.ndarray[Any, np.dtype[Picture]],
+    images: str | PathLike[str],
+    *,
+    model: str = ...,
+    scale: int = ...,
+    fusion: Fusion = ...,
+    skip: bool = ...,
+    sampling: Sampling = ...,
+    progress: Progress | None = ...,
+) -> Pixels: ...
+def upscale(
+    images: LightField | np.ndarray[Any, Any] | str | PathLike[str],
     *,
     model: str = "auto",
     scale: int = 2,
@@ -267,8 +279,8 @@ def upscale(
     skip: bool = True,
     sampling: Sampling = "pinhole",
     progress: Progress | None = None,
-) -> LightField | np.ndarray[Any, np.dtype[Picture]]:
-    """Upscales every view of a light field, or one picture, `(H, W)` or `(H, W, C)`, uint8 or uint16.
+) -> LightField | np.ndarray[Any, Any]:
+    """Upscales every view of a light field, or one picture, `(H, W)` or `(H, W, C)`, uint8 or uint16, or its path.
 
     `model`: a name that `ciir models` lists; `auto` takes a light-field network for a grid of 3x3 views and more, else
     the default single-picture network. `fusion`: which views of a light field become the mean of themselves and their
@@ -277,12 +289,13 @@ def upscale(
     rendered with it, so that means over the lenses stay means. For captured light fields the sampling is detected, and
     so is whether they are free of noise. `progress(done, total)` counts views.
 
-    Returns the same type, `scale` times as large along each side; with `model` `none` the size stays, whatever the
-    scale.
+    Returns the same type, or an array for a path, `scale` times as large along each side; with `model` `none` the size
+    stays, whatever the scale.
     Raises `ciir.Error`.
     """
-    light_field = images if isinstance(images, LightField) else as_light_field(images)
-    if light_field is not images and any(entry.name == model and entry.is_light_field for entry in list_entries()):
+    given = read_picture(images, "images") if isinstance(images, str | os.PathLike) else images
+    light_field = given if isinstance(given, LightField) else as_light_field(given)
+    if light_field is not given and any(entry.name == model and entry.is_light_field for entry in list_entries()):
         raise UnsuitedModel(f"{model} takes the views of a light field, not one picture; give ciir.LightField(array)")
     options = Options.convert(
         {"views": "all", "model": model, "scale": scale, "fusion": fusion, "skip": skip, "sampling": sampling}
@@ -290,10 +303,10 @@ def upscale(
     writer = MemoryWriter()
     report = run_reconstruction(light_field, options, writer, progress=progress)
     large: np.ndarray[Any, np.dtype[Any]] = np.stack(list(writer.views.values()))
-    if isinstance(images, LightField):
+    if isinstance(given, LightField):
         views = large.reshape(*light_field.views.shape[:2], *large.shape[1:])
-        return replace(images, views=views, notes=tuple(report["notes"]), lens_pitch=None, is_jpeg=False)
-    return large[0, ..., 0] if images.ndim == 2 else large[0]
+        return replace(given, views=views, notes=tuple(report["notes"]), lens_pitch=None, is_jpeg=False)
+    return large[0, ..., 0] if given.ndim == 2 else large[0]
 
 
 def reconstruct(

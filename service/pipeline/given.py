@@ -9,8 +9,11 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 
 from ciir.errors import InvalidOption, TooLarge
-from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.bundle import Bundle, read_file
 from ciir.renderer.readers.names import clean_text
+from ciir.renderer.readers.pictures import decode
+from ciir.renderer.readers.registry import is_picture
+from ciir.renderer.writers.atomic_write import read_path
 from ciir.service.pipeline.limits import read_limits
 from ciir.service.pipeline.source import Source, open_source
 
@@ -18,6 +21,8 @@ if TYPE_CHECKING:
     from os import PathLike
 
     from numpy.typing import NDArray
+
+    from ciir.renderer.readers.pictures import Pixels
 
 
 @runtime_checkable
@@ -38,6 +43,21 @@ def open_given(given: File) -> Source:
     """Opens a path like `open_source`, or what `read_given` takes. Raises `InputError`."""
     read = read_given(given)
     return open_source(read) if isinstance(read, str) else Bundle.from_upload(*read, read_limits())
+
+
+def read_picture(path: str | os.PathLike[str], name: str) -> Pixels:
+    """Reads a picture file, as `(H, W)` if it is grey and otherwise as `(H, W, C)`.
+
+    `name` is that of the argument, for messages. Raises `InputError`.
+    """
+    found, limits = read_path(path, name), read_limits()
+    if not is_picture(found.name):
+        raise InvalidOption(
+            f"{name}: {clean_text(str(found))} is not a picture file; give one such as a PNG, or a light field as "
+            "ciir.open returns it"
+        )
+    pixels = decode(read_file(found, limits), name=found.name, max_pixels=limits.pixels)
+    return pixels[..., 0] if pixels.shape[2] == 1 else pixels
 
 
 def read_given(path: File) -> str | tuple[str, bytes]:

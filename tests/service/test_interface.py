@@ -8,6 +8,8 @@ from ciir.renderer.readers import inputs
 from ciir.renderer.readers.bundle import Bundle
 from ciir.renderer.readers.pictures import decode
 from ciir.renderer.view_order.evidence import ORDERS
+from ciir.renderer.writers.pictures import encode
+from ciir.service.cli.main import main
 from ciir.service.pipeline.options import RECONSTRUCTION
 from ciir.service.pipeline.options.writing import WRITING
 from ciir.service.pipeline.typed_options import ReconstructionOptions
@@ -74,6 +76,19 @@ def test_one_picture_keeps_its_shape_and_type(shape, dtype):
     large = ciir.upscale(picture, model="nearest")
     assert large.dtype == dtype
     np.testing.assert_array_equal(large, picture.repeat(2, 0).repeat(2, 1))
+
+
+@pytest.mark.parametrize(("name", "shape"), [("a.png", (8, 9)), ("b.tif", (8, 9, 4)), ("c.jpg", (8, 9, 3))])
+def test_a_picture_by_its_path(tmp_path, name, shape):
+    """Its pixels are those of `ciir upscale`."""
+    path = tmp_path / name
+    path.write_bytes(encode(np.random.default_rng(0).integers(0, 255, (*shape, 1)[:3], np.uint8), path.suffix))
+    large = ciir.upscale(str(path))
+    assert large.shape == (16, 18, *shape[2:])
+    assert main(["upscale", str(path), "-o", str(tmp_path / "large.png")]) == 0
+    expected = decode((tmp_path / "large.png").read_bytes(), name="large.png")
+    np.testing.assert_array_equal(large.reshape(expected.shape), expected)
+    np.testing.assert_array_equal(ciir.upscale(path), large)
 
 
 def test_progress_counts_to_the_end():
@@ -162,6 +177,9 @@ def test_options_of_a_wrong_type_are_one_line(options):
 @pytest.mark.parametrize(
     ("call", "words"),
     [
+        (lambda _: ciir.upscale("views.npz"), r"images: views\.npz is not a picture file; give one .* ciir\.open"),
+        (lambda folder: ciir.upscale(folder / "gone.png"), r"gone\.png: "),
+        (lambda folder: ciir.upscale(""), r"images: '' is not a name"),
         (lambda _: ciir.upscale([[0]]), r"list is not accepted; give a picture"),
         (
             lambda _: ciir.upscale(np.zeros((4, 4))),
