@@ -61,7 +61,7 @@ def add_frames(source: Source, *, white: Frame | None, dark: Frame | None) -> So
     Raises `InputError`.
     """
     given = {name: frame for name, frame in (("white", white), ("dark", dark)) if frame is not None}
-    frames = dict(_read_frame(name, frame) for name, frame in given.items())
+    frames = dict(read_frame(name, frame) for name, frame in given.items())
     if not frames:
         return source
     if not isinstance(source, Bundle) or source.main is None or not (is_picture(source.main) or _is_array(source.main)):
@@ -72,7 +72,7 @@ def add_frames(source: Source, *, white: Frame | None, dark: Frame | None) -> So
     return replace(source, main=None, files={source.main: source.files[source.main]} | frames)
 
 
-def _read_frame(name: str, frame: Frame) -> tuple[str, bytes]:
+def read_frame(name: str, frame: Frame) -> tuple[str, bytes]:
     """Returns the key and the content of a frame for a bundle. An array becomes a PNG."""
     if isinstance(frame, np.ndarray):
         from ciir.renderer.writers.pictures import encode_png

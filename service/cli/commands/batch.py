@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> None:
     from ciir.service.batch.run import Batch
     from ciir.service.batch.summary import Summary
     from ciir.service.batch.task import Request
-    from ciir.service.pipeline.source import make_layout
+    from ciir.service.pipeline.source import make_layout, read_frame
 
     has_arrays = options.lenses is not None or options.pixels is not None or options.known_grid is not None
     found, textures = inputs.find_inputs(args.inputs, has_arrays=has_arrays, sets=args.sets)
@@ -55,7 +55,11 @@ def run(args: argparse.Namespace) -> None:
     all_frames = make_layout(options).selects_frame and not hasattr(args, "option_frame")
     tasks = inputs.make_tasks(found, args.name, is_file=is_file, all_frames=all_frames)
     place = _resolve_outputs(args.out, args.inputs, [each.source for each in (*found, *textures)])
-    frames = {name: str(Path(path).resolve()) for name in ("white", "dark") if (path := getattr(args, name))}
+    given = {name: path for name in ("white", "dark") if (path := getattr(args, name)) is not None}
+    if not args.cluster:  # there they are files of the workers' machines
+        for name, path in given.items():
+            read_frame(name, path)  # otherwise each input would fail for the same reason
+    frames = {name: str(Path(path).resolve()) for name, path in given.items()}
     request = Request(options, place, uuid.uuid4().hex, **frames)
     outputs, summary, batch = Outputs(place), Summary(tasks), Batch(request)
 

@@ -121,6 +121,20 @@ def test_an_earlier_output_leaves_no_empty_folder(folder, tmp_path, others):
     assert (tmp_path / "out" / "vase").exists() is bool(others)
 
 
+@pytest.mark.parametrize(
+    ("given", "reason"), [("gone.png", "No such file"), ("white.txt", "white: white.txt is not a picture")]
+)
+def test_a_frame_that_cannot_be_read_is_refused_before_any_work(tmp_path, monkeypatch, capsys, given, reason):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "white.txt").touch()
+    (tmp_path / "cube.off").write_bytes(CUBE)
+    assert main(["batch", "cube.off", "-o", "out", "--white", given, *ARRAY]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("ciir: ")
+    assert reason in line
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("out", ["memory://out", "simplecache::memory://out"])
 def test_outputs_in_memory_are_refused(capsys, out):
     assert main(["batch", "scene:vase", "-o", out, *ARRAY]) == 2
