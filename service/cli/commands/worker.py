@@ -48,7 +48,8 @@ def run(args: argparse.Namespace) -> None:  # noqa: ARG001 - all commands share 
             rest.enter_context(_showing(metrics, found.metrics_port))
         _log.info(engine.describe_place())
         engine.start()
-        _log.info("%d worker processes take jobs", found.workers)
+        processes = "worker process takes" if found.workers == 1 else "worker processes take"
+        _log.info("%d %s jobs", found.workers, processes)
         while not stop.wait(LOOK_SECONDS):
             pass
         _log.info("stopping: running jobs have %g s to finish", found.drain_seconds)

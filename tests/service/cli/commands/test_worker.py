@@ -37,7 +37,7 @@ def test_a_worker_does_what_a_server_without_workers_takes_in(tmp_path):
         assert not re.search(r"^ciir_(http|queue)_", counted, re.MULTILINE)
         assert "ciir_jobs_ended_total{" not in httpx2.get(f"{server.url}/metrics").text
     text = (tmp_path / "worker.log").read_text()
-    assert '"message": "1 worker processes take jobs' in text
+    assert '"message": "1 worker process takes jobs' in text
     assert '"message": "stopping' in text
 
 
