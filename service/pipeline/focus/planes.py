@@ -169,6 +169,11 @@ class _Planes:
                 f"disparities are in pixels of the views that were read; planes have {self._captured.scale} pixels for "
                 "each of them, along each side"
             )
-        is_lens_array = self._captured.sign < 0 and self._captured.report["input"]["kind"] != "views"
-        if is_lens_array and self._disparities.max() > 0:
-            yield "disparities over 0 lie in front of the lens array; most objects are behind it, below 0"
+        described, options = self._captured.report["input"], self._options
+        is_lens_array = self._captured.sign < 0 and described["kind"] != "views"
+        is_behind = options.place in (None, -1) and options.fit != "none"  # otherwise a mesh may reach in front
+        if is_lens_array and self._disparities.max() > 0 and ("triangles" not in described or is_behind):
+            if self._kind == "depths":
+                yield "depths below 0 lie in front of the lens array; most objects are behind it, over 0"
+            else:
+                yield "disparities over 0 lie in front of the lens array; most objects are behind it, below 0"

@@ -72,6 +72,25 @@ def test_larger_is_nearer_with_both_depth_senses():
     assert report["notes"] == ["written"]
 
 
+@pytest.mark.parametrize(
+    ("given", "side"),
+    [
+        ({"disparity": "0.5"}, "disparities over 0"),
+        ({"depth": "-10"}, "depths below 0"),
+        ({"disparity": "-0.5"}, None),
+        ({"depth": "10"}, None),
+        ({"disparity": "0.5", "place": "-1"}, "disparities over 0"),
+        ({"disparity": "0.5", "place": "0"}, None),
+        ({"disparity": "0.5", "fit": "none"}, None),
+    ],
+)
+def test_planes_in_front_of_the_lens_array_are_noted_unless_the_mesh_may_be_there(given, side):
+    report = run("vase", lenses="8x8", pixels="3x3", backend="raytrace", **given)[-1]
+    noted = [note for note in report["notes"] if "in front of the lens array" in note]
+    assert len(noted) == (side is not None)
+    assert all(note.startswith(side) for note in noted)
+
+
 def test_a_set_of_views_may_be_of_cameras_with_either_depth_sense(tmp_path):
     """So that nothing is said of the front of a lens array."""
     LENSES.save(tmp_path / "views")
