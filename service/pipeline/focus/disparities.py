@@ -15,7 +15,7 @@ from ciir.renderer.focus.stereo.search_range import SURE, find_texture
 from ciir.renderer.focus.stereo.sweep import read_levels
 from ciir.service.pipeline.focus.light_fields import capture, estimate_view
 from ciir.service.pipeline.job import resolve_job
-from ciir.service.pipeline.options import KINDS, NO_MODEL
+from ciir.service.pipeline.options import KINDS, NO_MODEL, Options
 from ciir.service.pipeline.planning.plan import Plan
 from ciir.service.pipeline.report import Clock, describe_array, find_versions
 from ciir.service.pipeline.source import Input
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from ciir.renderer.light_field import LightField
     from ciir.renderer.scene import Scene
     from ciir.service.pipeline.job import Job
-    from ciir.service.pipeline.options import Options
     from ciir.service.pipeline.report import Report
     from ciir.service.pipeline.run import Progress
     from ciir.service.pipeline.source import Source
@@ -122,10 +121,16 @@ def _render(source: Source, options: Options, clock: Clock) -> tuple[DisparityMa
             "skipped": None,
         },
         "model": None,
-        "notes": [*scene.notes],
+        "notes": [*scene.notes, *_list_unused(options)],
         "versions": find_versions(*described["packages"]),
     }
     return found, _complete(report, found, is_seen, options, clock, is_exact=True)
+
+
+def _list_unused(options: Options) -> list[str]:
+    """Returns a note on options on the looks of a mesh that are given and that its disparity doesn't depend on."""
+    unused = [name for name in ("background", "light") if getattr(options, name) != getattr(Options, name)]
+    return [f"{', '.join(unused)}: a disparity map doesn't depend on it; leave it out"] if unused else []
 
 
 def _find_range(found: DisparityMap, counts: NDArray[np.bool_], *, is_exact: bool) -> Report | None:

@@ -108,6 +108,21 @@ def test_that_of_a_mesh_is_exact():
     assert (report["disparity"]["exact"], report["disparity"]["view"]) == (True, [1, 3])
 
 
+@pytest.mark.parametrize(
+    ("given", "notes"),
+    [
+        ({}, []),
+        ({"background": "red"}, ["background: a disparity map doesn't depend on it; leave it out"]),
+        (
+            {"background": "red", "light": "10,10"},
+            ["background, light: a disparity map doesn't depend on it; leave it out"],
+        ),
+    ],
+)
+def test_options_on_looks_that_change_no_disparity_are_noted(given, notes):
+    assert run("vase", **MESH, **given)[1]["notes"] == notes
+
+
 def test_where_a_mesh_is_not_seen_it_is_as_far_as_its_farthest_point():
     found, _ = run("vase", **MESH)
     seen = found.confidence == 1
