@@ -13,7 +13,6 @@ import numpy as np
 from ciir.errors import InputError, TooLarge
 from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers import pictures
-from ciir.renderer.readers.bundle import Folder
 from ciir.renderer.readers.meshes.texture_formats import find_texture_format
 from ciir.renderer.readers.names import clean_text, resolve_key
 from ciir.renderer.scene import Texture, Wrap
@@ -101,11 +100,9 @@ class Resolver:
 
     def explain_missing(self, name: str) -> tuple[str, str]:
         """Returns why there is no file called `name`, and the remedy."""
-        if resolve_key(_portable(name), self._folder) is None:
-            return "is outside what was given", "put it next to the mesh"
-        return "is missing", "put it next to the mesh" if isinstance(
-            self._files, Folder
-        ) else "give a zip that holds it"
+        is_outside = resolve_key(_portable(name), self._folder) is None
+        why = "is outside what was given" if is_outside else "is missing"
+        return why, "put it next to the mesh, or give a zip that holds both"
 
     def find_or_note(self, name: str, what: str) -> bytes | None:
         """Finds a file as `find` does, and adds a note if it is missing. `what` names the kind of file in the note. The

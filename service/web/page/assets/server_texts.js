@@ -56,7 +56,7 @@ const REMEDIES = /** @type {[RegExp, string | ((found: string, part: string) => 
     `Several times or turns make a video: choose "${GROUPS.times}" or "${GROUPS.turntable}" under ${TEXTS.export}. One time has a decimal point, as 0.5.`,
   ],
   [/; if the object lies down, give up z$/, `; if the object lies down, choose "${TEXTS.z}" under "${TEXTS.up}"`],
-  [/; give a zip that holds it/, "; drop it together with the mesh, or a zip that holds both"],
+  [/; put it next to the mesh, or give a zip that holds both/, "; drop it together with the mesh, or a zip that holds both"],
   [/\border (given|rows|columns|serpentine)\b/g, (_, name) => nameChoice(name, "order")],
   [/\btranspose(?=,| and | with | would |$)/, () => nameChoice("swapped", "transpose")],
   [/\bflip (uv?|v)\b/g, (_, axes) => nameChoice(axes, "flip")],

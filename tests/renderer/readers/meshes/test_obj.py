@@ -81,7 +81,7 @@ def test_several_material_files_on_a_line() -> None:
     assert (scene.notes, scene.parts[0].colors[0, 1]) == ((), 0)
     assert read(text).notes == (
         *(
-            f"material file {name} is missing and is left out; give a zip that holds it"
+            f"material file {name} is missing and is left out; put it next to the mesh, or give a zip that holds both"
             for name in ("b c.MTL", "a.mtl")
         ),
         "material a is missing: drawn light grey",
@@ -203,7 +203,9 @@ def test_without_the_picture_of_map_d_it_is_drawn_solid() -> None:
     scene = read(TEXTURED, {"a.mtl": b"newmtl a\nmap_Kd x.png\nmap_d gone.png", "x.png": PICTURE})
     assert scene.parts[0].texture is not None
     assert scene.parts[0].alpha_cutoff is None
-    assert scene.notes == ("texture gone.png is missing and is left out; give a zip that holds it",)
+    assert scene.notes == (
+        "texture gone.png is missing and is left out; put it next to the mesh, or give a zip that holds both",
+    )
 
 
 @pytest.mark.parametrize(

@@ -171,7 +171,7 @@ def test_several_textures(with_vertices: bool) -> None:
         assert np.array_equal(part.uv[part.faces], part.vertices[part.faces][:, :, :2])
         assert part.colors[0, 0] == pytest.approx(FRONT)
     assert scene.notes == (
-        "texture gone.png is missing and is left out; give a zip that holds it",
+        "texture gone.png is missing and is left out; put it next to the mesh, or give a zip that holds both",
         "faces whose texture the header doesn't name are drawn without one",
     )
 
@@ -211,7 +211,10 @@ def test_texture_coordinates_that_are_not_two_for_each_corner_are_noted() -> Non
 
 
 def test_a_texture_without_coordinates_and_one_that_is_missing_are_noted() -> None:
-    for name, note in (("x.png", "without texture coordinates"), ("gone.png", "is left out; give a zip that holds it")):
+    for name, note in (
+        ("x.png", "without texture coordinates"),
+        ("gone.png", "is left out; put it next to the mesh, or give a zip that holds both"),
+    ):
         scene = read(ascii_square(XYZ, PLAIN_ROWS, comment=f"comment TextureFile {name}\n"))
         assert note in scene.notes[0]
 

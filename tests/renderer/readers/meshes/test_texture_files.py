@@ -65,13 +65,9 @@ def test_names_with_accents_are_found_however_they_are_stored(named: str, stored
 def test_a_name_that_two_files_have_is_missing() -> None:
     resolver = Resolver({"a.obj": b"", "one/skin.png": b"1", "two/SKIN.png": b"2"}, "a.obj")
     assert resolver.find_or_note("skin.png", "texture") is None
-    assert resolver.notes == ["texture skin.png is missing and is left out; give a zip that holds it"]
-
-
-def test_a_file_missing_in_a_folder_must_be_put_there(tmp_path) -> None:
-    resolver = Resolver(Folder(tmp_path, DEFAULT_LIMITS), "a.obj")
-    assert resolver.find_or_note("skin.png", "texture") is None
-    assert resolver.notes == ["texture skin.png is missing and is left out; put it next to the mesh"]
+    assert resolver.notes == [
+        "texture skin.png is missing and is left out; put it next to the mesh, or give a zip that holds both"
+    ]
 
 
 def test_the_first_tile_is_taken_of_a_texture_in_tiles() -> None:
@@ -81,7 +77,7 @@ def test_the_first_tile_is_taken_of_a_texture_in_tiles() -> None:
     assert resolver.find_or_note("t/wood.1002.png", "texture") == b"2"
     assert resolver.notes == [
         "texture t/wood.<UDIM>.png: only tile 1001 is drawn, on all faces; bake one picture",
-        "texture oak.1001.png is missing and is left out; give a zip that holds it",
+        "texture oak.1001.png is missing and is left out; put it next to the mesh, or give a zip that holds both",
     ]
 
 

@@ -56,7 +56,7 @@ def test_uris_that_lead_out_are_refused(uri: str) -> None:
 
 def test_a_buffer_that_is_not_there_is_named() -> None:
     assert_refused(
-        ".gltf", Model().gltf("mesh.bin"), r"^(?!.*left out).*buffer mesh\.bin is missing; give a zip .* one \.glb file"
+        ".gltf", Model().gltf("mesh.bin"), r"^(?!.*left out).*mesh\.bin is missing; put it .* a zip .* one \.glb file"
     )
 
 
