@@ -186,15 +186,16 @@ def _describe_sharp(cameras: Pixels, moved: float, disparity: float) -> str:
         return f"{note}; the views have too little texture to measure theirs"
     least, largest = found
     is_beyond = least < disparity - moved or largest > disparity + moved
-    blurs = f"; the rest blurs{_suggest_plane(least, largest, disparity)}" if is_beyond else ""
+    blurs = f"; the rest blurs{_suggest_plane(least, largest, disparity, moved)}" if is_beyond else ""
     return f"{note}; those of the views are about {_round(least)} to {_round(largest)}{blurs}"
 
 
-def describe_row(cameras: Pixels, count: int, disparity: float) -> tuple[str, ...]:
+def describe_row(cameras: Pixels, count: int, disparity: float, factor: int = 1) -> tuple[str, ...]:
     """Returns a note if content moves by over `GHOST` pixels between neighbours of `count` views made from one row, and
     none if the views have too little texture to tell.
 
-    `cameras`: `(V, U, h, w, c)`; `disparity`: the disparity of what lies in the display's plane.
+    `cameras`: `(V, U, h, w, c)`; `disparity`: the disparity of what lies in the display's plane, in pixels of the views
+    before they were made `factor` times smaller.
     """
     size_u = cameras.shape[1]
     if size_u == 1 or count == 1:
@@ -202,12 +203,13 @@ def describe_row(cameras: Pixels, count: int, disparity: float) -> tuple[str, ..
     found = _find_usual_range(cameras)
     if found is None:
         return ()
-    least, largest = found
-    moved = max(abs(least - disparity), abs(largest - disparity)) * (size_u - 1) / (count - 1)
+    least, largest = (factor * limit for limit in found)
+    step = (size_u - 1) / (count - 1) / factor
+    moved = max(abs(least - disparity), abs(largest - disparity)) * step
     if moved <= GHOST:
         return ()
     far = f"content moves by about {moved:.2g} pixels between neighbouring views of the display"
-    return (f"depth: {far}; over {GHOST:g} edges show double{_suggest_plane(least, largest, disparity)}",)
+    return (f"depth: {far}; over {GHOST:g} edges show double{_suggest_plane(least, largest, disparity, GHOST / step)}",)
 
 
 def _find_usual_range(cameras: Pixels) -> tuple[float, float] | None:
@@ -216,12 +218,12 @@ def _find_usual_range(cameras: Pixels) -> tuple[float, float] | None:
     return find_usual_range(cameras)
 
 
-def _suggest_plane(least: float, largest: float, disparity: float) -> str:
+def _suggest_plane(least: float, largest: float, disparity: float, sharp: float) -> str:
     """Returns the end of a note that suggests the best disparity for the display's plane, or nothing if it is there
-    already.
+    already, up to a small share of the `sharp` disparities on either side of it.
     """
     middle = (least + largest) / 2
-    if abs(middle - disparity) <= 1:
+    if abs(middle - disparity) <= max(0.05, 0.05 * sharp):
         return ""
     return f"; disparity {_round(middle)} brings its middle into the display's plane"
 

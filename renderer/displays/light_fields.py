@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ciir.errors import TooLarge
 from ciir.renderer.displays.depth_budget import describe_row
 from ciir.renderer.displays.interpolation import interpolate_views, shift_rows
 from ciir.renderer.displays.quilt import join_views
@@ -70,6 +71,12 @@ def take_row(cameras: Pixels, count: int, *, disparity: float = 0.0) -> tuple[Pi
     return interpolate_views(row, count), notes
 
 
+def find_padded_size(size: tuple[int, int], stretch: float) -> tuple[int, int]:
+    """Returns the height and width of views of `size`, with the borders that multiply their aspect by `stretch`."""
+    height, width = size
+    return max(height, round(height / stretch)), max(width, round(width * stretch))
+
+
 def pad_to_aspect(views: Pixels, own: float, aspect: float) -> tuple[Pixels, tuple[str, ...]]:
     """Returns the views, `(n, h, w, c)`, with black borders at two sides that make their aspect `aspect`; and a
     note.
@@ -77,7 +84,7 @@ def pad_to_aspect(views: Pixels, own: float, aspect: float) -> tuple[Pixels, tup
     `own`: the aspect, width / height, that they are shown with; pixels need not be square.
     """
     count, height, width, channels = views.shape
-    wide, high = max(width, round(width * aspect / own)), max(height, round(height * own / aspect))
+    high, wide = find_padded_size((height, width), aspect / own)
     if (wide, high) == (width, height):
         return views, ()
     padded: Pixels = np.zeros((count, high, wide, channels), views.dtype)
@@ -98,11 +105,19 @@ def make_quilt(
     """Returns the quilt `(height, width, 1 or 3)` of a light field's views, its layout, and notes.
 
     `own_aspect`: the width / height that views are shown with. With `keeps_aspect` it becomes the layout's aspect,
-    otherwise the views get borders. `disparity`: as in `take_row`. `max_pixels`: most pixels of the quilt.
+    otherwise the views get borders. `disparity`: as in `take_row`, in pixels of the given views. `max_pixels`: most
+    pixels of the quilt; views that would exceed it are reduced by a whole factor.
     """
-    cameras, reduced = fit_pixels(order_as_cameras(light_field), layout.count, max_pixels)
-    row, notes = take_row(cameras, layout.count, disparity=disparity)
-    notes += describe_row(cameras, layout.count, disparity)
+    cameras = order_as_cameras(light_field)
+    height, width = cameras.shape[2:4]
+    stretch = 1.0 if keeps_aspect else layout.aspect / own_aspect
+    factor = find_reduction((height, width), layout.count, max_pixels, stretch)
+    reduced: tuple[str, ...] = ()
+    if factor > 1:
+        cameras = reduce_views(cameras, (factor, factor))
+        reduced = (f"views of {width}x{height} pixels are made {factor} times smaller",)
+    row, notes = take_row(cameras, layout.count, disparity=disparity / factor)
+    notes += describe_row(cameras, layout.count, disparity, factor)
     if keeps_aspect:
         if abs(own_aspect / layout.aspect - 1) > LEAST_MISFIT:
             kept = f"views keep their aspect {own_aspect:.4g}, not the device's {layout.aspect:.4g}"
@@ -128,19 +143,14 @@ def reduce_views(views: Pixels, cell: tuple[int, int]) -> Pixels:
     return reduced
 
 
-def find_reduction(size: tuple[int, int], count: int, most: int) -> int:
-    """Returns the smallest whole factor that reduces `count` views of `size` (height, width) to at most `most`
-    pixels.
-    """
-    return max(1, math.ceil(math.sqrt(count * size[0] * size[1] / most)))
+def find_reduction(size: tuple[int, int], count: int, most: int, stretch: float = 1.0) -> int:
+    """Returns the smallest whole factor that reduces `count` views of `size` (height, width) to at most `most` pixels,
+    with the borders of `find_padded_size`.
 
-
-def fit_pixels(views: Pixels, count: int, most: int) -> tuple[Pixels, tuple[str, ...]]:
-    """Returns the views, reduced by a whole factor if `count` of that size would exceed `most` pixels; and then a
-    note.
+    Raises `TooLarge` if no pixel would be left of a view.
     """
-    height, width = views.shape[-3:-1]
-    factor = find_reduction((height, width), count, most)
-    if factor == 1:
-        return views, ()
-    return reduce_views(views, (factor, factor)), (f"views of {width}x{height} pixels are made {factor} times smaller",)
+    for factor in range(1, min(size) + 1):
+        if count * math.prod(find_padded_size((size[0] // factor, size[1] // factor), stretch)) <= most:
+            return factor
+    what = f"{count} views of {size[1]}x{size[0]} pixels with borders are over {most:,} pixels even if reduced"
+    raise TooLarge(f"quilt: {what}; give fewer views or another aspect", "pixels")

@@ -15,6 +15,7 @@ from ciir.renderer.displays.devices import Quilt, resolve_quilt
 from ciir.renderer.displays.integral import IntegralDisplay, parse_display
 from ciir.renderer.displays.lenticular import Calibration, interlace, parse_calibration
 from ciir.renderer.displays.light_fields import (
+    find_padded_size,
     find_reduction,
     find_row,
     make_quilt,
@@ -113,17 +114,24 @@ def find_target(
 
 
 def find_size(
-    target: Target, views: tuple[int, int] | None = None, max_pixels: int = DEFAULT_LIMITS.pixels
+    target: Target,
+    views: tuple[int, int] | None = None,
+    own_aspect: float = 1.0,
+    max_pixels: int = DEFAULT_LIMITS.pixels,
 ) -> tuple[int, int]:
-    """Returns the height and width of the picture for `target`; for a quilt, without the borders that views may get.
+    """Returns the height and width of the picture for `target`.
 
-    `views`: height and width of a light field's views; None for a mesh's. `max_pixels`: as in `show_light_field`.
+    `views`: height and width of a light field's views, which are shown with `own_aspect`; None for a mesh's.
+    `max_pixels`: as in `show_light_field`, whose `TooLarge` it also raises.
     """
     if not isinstance(target, Quilt):
         return target.height, target.width
-    height, width = views or target.tile
-    factor = find_reduction((height, width), target.layout.count, max_pixels) if views else 1
-    return height // factor * target.layout.rows, width // factor * target.layout.cols
+    height, width = target.tile
+    if views is not None:
+        stretch = 1.0 if target.keeps_aspect else target.layout.aspect / own_aspect
+        factor = find_reduction(views, target.layout.count, max_pixels, stretch)
+        height, width = find_padded_size((views[0] // factor, views[1] // factor), stretch)
+    return height * target.layout.rows, width * target.layout.cols
 
 
 def show_light_field(
@@ -138,7 +146,7 @@ def show_light_field(
 
     `max_pixels`: most pixels of a quilt, whose views are made smaller if they exceed it. Levels of a camera with fewer
     than 16 bits are raised (`ciir.bit_depth`) by the bits that no shown view uses, because displays show the whole
-    range.
+    range. Raises `TooLarge` if they can't be made small enough.
     """
     if not isinstance(target, IntegralDisplay):
         shown = find_row(light_field.views.shape[0], light_field.depth_sense)

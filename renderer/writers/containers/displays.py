@@ -24,11 +24,12 @@ class DisplayWriter(WholeWriter):
         """Refuses a display that is not described, and pixels that the picture format can't hold."""
         named = parse_name(self.options.name)
         self._target = find_target(cast("Kind", self.name), self.options, named=named)
+        own_aspect = contents.width / contents.height * contents.pixel_aspect
         if isinstance(self._target, Quilt):
-            own_aspect = contents.width / contents.height * contents.pixel_aspect
             self._target = match_views(self._target, contents.grid[1], own_aspect)
         suffix = self.options.suffix or SUFFIXES[0]
-        BY_SUFFIX[suffix].check(find_size(self._target, (contents.height, contents.width)), contents.dtype)
+        size = find_size(self._target, (contents.height, contents.width), own_aspect)
+        BY_SUFFIX[suffix].check(size, contents.dtype)
         encode(contents.sample, suffix)
 
     def encode(self, light_field: LightField) -> list[str]:

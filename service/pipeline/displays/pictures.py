@@ -100,7 +100,7 @@ def make_picture(
             target = match_views(target, opened.shape[1], _find_aspect(opened))
         scale = 1 if options.model == NO_MODEL else options.scale
         size = opened.shape[2] * scale, opened.shape[3] * scale
-        BY_SUFFIX[suffix].check(find_size(target, size, most), opened.dtype)
+        BY_SUFFIX[suffix].check(find_size(target, size, _find_aspect(opened), most), opened.dtype)
         if options.model == NO_MODEL:
             with clock.stage("decode"):
                 light_field = _load_views(opened, target)

@@ -145,6 +145,10 @@ def test_a_light_fields_disparities_are_held_against_the_panel():
     )
     (note,) = describe_light_field(cameras, DISPLAY, -1.2)
     assert note.endswith("about -3.1 to -2.9")
+    (note,) = describe_light_field(cameras, replace(DISPLAY, pixel_pitch=0.3), -2.5)  # sharp from -2.7 to -2.3
+    assert note.endswith("; the rest blurs; disparity -3 brings its middle into the display's plane")
+    (note,) = describe_light_field(cameras, replace(DISPLAY, pixel_pitch=0.6), -3.0)
+    assert note.endswith("; the rest blurs")
     assert "no vertical parallax" in describe_light_field(cameras[:1], DISPLAY, 0.0)[1]
 
 

@@ -3,8 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ciir.errors import TooLarge
 from ciir.renderer.displays.light_fields import (
-    fit_pixels,
+    find_padded_size,
+    find_reduction,
     make_quilt,
     order_as_cameras,
     pad_to_aspect,
@@ -73,11 +75,44 @@ def test_pixels_are_averaged_and_margins_cut_off_evenly():
 
 
 def test_a_picture_that_would_be_too_large_is_made_of_smaller_views():
-    views = np.zeros((1, 2, 40, 60, 1), np.uint8)
-    assert fit_pixels(views, 2, 4800) == (views, ())
-    reduced, notes = fit_pixels(views, 2, 4799)
-    assert reduced.shape == (1, 2, 20, 30, 1)
+    given, layout = LightField(np.zeros((1, 2, 40, 60, 1), np.uint8)), QuiltLayout(2, 1, 1.5)
+    assert make_quilt(given, layout, own_aspect=1.5, keeps_aspect=True, max_pixels=4800)[2] == ()
+    quilt, _, notes = make_quilt(given, layout, own_aspect=1.5, keeps_aspect=True, max_pixels=4799)
+    assert quilt.shape == (20, 60, 1)
     assert notes == ("views of 60x40 pixels are made 2 times smaller",)
+
+
+@pytest.mark.parametrize("stretch", [0.0123, 0.5, 1.0, 1.37, 80])
+def test_borders_count_as_pixels(stretch):
+    for most in range(1000, 20000, 371):
+        factor = find_reduction((47, 60), 6, most, stretch)
+        smaller, larger = (find_padded_size((47 // by, 60 // by), stretch) for by in (factor, max(1, factor - 1)))
+        assert 6 * smaller[0] * smaller[1] <= most
+        assert factor == 1 or 6 * larger[0] * larger[1] > most
+    with pytest.raises(TooLarge, match=r"6 views of 60x47 pixels .* 5 pixels even if reduced; give fewer views or"):
+        find_reduction((47, 60), 6, 5, stretch)
+
+
+def test_a_quilt_with_borders_keeps_the_limit():
+    given = LightField(make_views((1, 6), disparities=(1, 1), side=24, channels=3), depth_sense="cameras")
+    layout = QuiltLayout(3, 2, 0.1)
+    quilt, _, notes = make_quilt(given, layout, own_aspect=1.0, keeps_aspect=False, max_pixels=10000)
+    assert quilt.shape == (2 * 120, 3 * 12, 3)
+    assert notes[0] == "views of 24x24 pixels are made 2 times smaller"
+
+
+def test_a_disparity_counts_pixels_of_the_given_views():
+    given = LightField(make_views((1, 5), disparities=(-4, -4), side=128), depth_sense="cameras")
+    layout = QuiltLayout(5, 1, 1.0)
+    quilt, found, notes = make_quilt(
+        given, layout, own_aspect=1.0, keeps_aspect=True, disparity=4, max_pixels=5 * 64 * 64
+    )
+    assert notes == ("views of 128x128 pixels are made 2 times smaller",)
+    inside = split_quilt(quilt, found, name="q")[:, :, 8:-8]
+    assert np.array_equal(inside, np.broadcast_to(inside[2], inside.shape))
+    notes = make_quilt(given, layout, own_aspect=1.0, keeps_aspect=True, disparity=-16, max_pixels=5 * 64 * 64)[2]
+    assert "content moves by about 10 pixels between neighbouring views of the display" in notes[1]
+    assert notes[1].endswith("; disparity 4 brings its middle into the display's plane")
 
 
 def test_a_quilt_keeps_the_views_and_their_aspect():

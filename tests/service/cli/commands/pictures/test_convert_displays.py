@@ -212,11 +212,11 @@ def test_only_the_middle_row_is_upscaled_for_a_quilt(folder, monkeypatch, sense)
 
 
 def test_the_size_of_larger_views_is_checked_before_they_are_made(folder, monkeypatch, capsys):
-    LightField(np.zeros((1, 2, 3, 5000, 3), np.uint8), depth_sense="cameras").save("wide.npz")
-    assert convert("wide.npz -o q_qs2x1a1.webp --order given") == 0
+    LightField(np.zeros((1, 2, 60, 5000, 3), np.uint8), depth_sense="cameras").save("wide.npz")
+    assert convert("wide.npz -o q_qs2x1.webp --order given") == 0
     monkeypatch.setattr(displays, "collect_views", None)
-    assert convert("wide.npz -o q_qs2x1a1.webp --order given --model bicubic") == 2
-    assert "WebP holds 8 bit and 16383 pixels along a side, not 8 bit and 20000x6" in capsys.readouterr().err
+    assert convert("wide.npz -o q_qs2x1.webp --order given --model bicubic") == 2
+    assert "WebP holds 8 bit and 16383 pixels along a side, not 8 bit and 20000x120" in capsys.readouterr().err
 
 
 def test_the_sampling_of_views_that_are_upscaled_may_be_given(folder, capsys):
