@@ -80,11 +80,14 @@ def find_target(
     named: QuiltName | None = None,
     max_pixels: int = DEFAULT_LIMITS.pixels,
 ) -> Target:
-    """Returns the display that `options` describe. `named`: the layout in a quilt's name.
+    """Returns the display that `options` describe. `named`: the layout in the picture's name, which only a quilt has.
 
     Raises `InvalidOption` if the description is missing or wrong, and the errors of `make_calibration`,
     `parse_calibration` and `parse_display`.
     """
+    if named is not None and kind != "quilt":
+        quilt = f"the output's name says {named.suffix[1:]}, so it would be read as a quilt"
+        raise InvalidOption(f"{quilt}; give the {kind} picture another name")
     if kind == "quilt":
         grid = parse_grid(options.quilt) if options.quilt else None
         return resolve_quilt(named=named, device=options.device or None, grid=grid, aspect=options.aspect)

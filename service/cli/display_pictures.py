@@ -39,9 +39,9 @@ def write_picture(args: argparse.Namespace, options: Options, kind: Kind) -> Non
         raise InvalidOption(
             f"{args.out}: a {kind} is written as {', '.join(suffixes)}; end the name with one of them{other}"
         )
-    output_path.check_places(args)
+    named = parse_name(path.name)
+    output_path.check_places(args, *([_place_layout(path)] if named is not None else []))
     source = common.open_input(args, options)
-    named = parse_name(path.name) if kind == "quilt" else None
     with common.progress_bar("row" if kind != "quilt" else "view") as progress:
         picture, report = make_picture(
             source, options, kind, named=named, suffix=path.suffix.lower(), progress=progress
@@ -51,16 +51,21 @@ def write_picture(args: argparse.Namespace, options: Options, kind: Kind) -> Non
     if layout is not None:
         path = _name_quilt(path, layout, report["notes"])
         if path != Path(args.out):
-            output_path.check_places(args, path)
+            output_path.check_places(args, path, _place_layout(path))
     with replacing(path) as file:
         file.write(data)
     if layout is not None:
-        with replacing(path.with_name(f"{path.name}.json")) as file:
+        with replacing(_place_layout(path)) as file:
             file.write(layout.to_json().encode())
     common.write_report(report, args.report)
     size = f"{picture.pixels.shape[1]}x{picture.pixels.shape[0]}"
     what = f"quilt of {layout.cols}x{layout.rows} views" if layout is not None else f"{kind} picture"
     common.print_line(f"{path}: {what}, {size} pixels ({common.format_timings(report)})")
+
+
+def _place_layout(path: Path) -> Path:
+    """Returns the path of the JSON with the layout of the quilt at `path`."""
+    return path.with_name(f"{path.name}.json")
 
 
 def _name_quilt(path: Path, layout: QuiltLayout, notes: list[str]) -> Path:

@@ -155,6 +155,8 @@ def test_what_webp_cannot_hold_is_refused_before_a_picture_is_made(folder, monke
             field.save("a.webp", display="p.toml")
     with pytest.raises(InvalidOption, match=r"not 16 bit and 64x48 \(width x height\)"):
         deep.save("a_qs8x6a1.webp")
+    with pytest.raises(InvalidOption, match="name says qs8x6a1, so it would be read as a quilt; give the panel"):
+        FIELD.save("a_qs8x6a1.png", display="p.toml")
 
 
 @pytest.fixture

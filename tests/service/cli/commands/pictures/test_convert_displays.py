@@ -233,6 +233,25 @@ def test_a_scale_without_a_model_is_refused(folder, capsys, words):
         assert "scale: views are written as they are unless a model upscales them" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("name", ["out_qs3x2a1.png", "out.png"])
+def test_a_report_does_not_replace_a_quilts_layout(folder, capsys, name):
+    (folder / "out_qs3x2a1.png.json").write_text("{}")
+    assert convert(f"in.npz -o {name} --quilt 3x2 --aspect 1 --report out_qs3x2a1.png.json") == 2
+    assert "out_qs3x2a1.png.json: two outputs have this name; give each its own" in capsys.readouterr().err
+    assert (folder / "out_qs3x2a1.png.json").read_text() == "{}"
+    assert not (folder / "out_qs3x2a1.png").exists()
+
+
+@pytest.mark.parametrize("given", ["--display p.toml", "--calibration c.json", "--print 1x1in --lpi 10 --dpi 100"])
+def test_only_a_quilt_has_the_name_of_a_quilt(folder, capsys, given):
+    kind = "panel" if "display" in given else "lenticular"
+    for name in ("scene:vase", "in.npz"):
+        assert convert(f"{name} -o a_qs4x2a1.png {given}") == 2
+        message = f"the output's name says qs4x2a1, so it would be read as a quilt; give the {kind} picture another"
+        assert message in capsys.readouterr().err
+    assert not (folder / "a_qs4x2a1.png").exists()
+
+
 def test_a_quilt_that_becomes_no_quilt_is_noted(folder, capsys):
     assert convert("in.npz -o q_qs3x2a1.png") == 0
     assert "one row of views" not in capsys.readouterr().err
