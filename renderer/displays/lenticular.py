@@ -48,6 +48,8 @@ INVERTED = "calibration: invView is 0: lenses on a print then show depth inverte
 SEEN = "calibration: seen from"
 """The first words of the note on the viewing distance."""
 CHECK = "check pitch, the lenses per inch, and DPI"
+UPRIGHT = 10_000
+"""The slope that stands for upright lenses, and the largest one."""
 MOST_SIDE = 100_000
 """Most pixels along a side."""
 UNTESTED = (
@@ -129,39 +131,22 @@ def parse_calibration(
     of a key is wrong, if lenses cover fewer than 2 places for views or are wider than the screen, and `TooLarge` over
     `max_pixels`.
     """
-    try:
-        found = _unwrap(json.loads(data))
-    except (ValueError, RecursionError) as error:
-        remedy = "give the calibration that the display stores (visual.json)"
-        if b"[panel]" in data:
-            remedy = "this describes a panel under lenses; give it as the option display"
-        raise Unreadable(f"{name}: not JSON; {remedy}") from error
-    if not isinstance(found, dict) or not any(key in found for key in KEYS):
-        raise Unreadable(
-            f"{name}: no calibration; give the JSON that the display stores (visual.json), the object that holds "
-            "pitch, slope, center, ..."
-        )
-    for key in KEYS:
-        wrong = next((other for other in found if other != key and other.lower() == key.lower()), None)
-        if wrong is not None:
-            raise Unreadable(f"{name}: {wrong} is not known; write {key}")
+    found = _load(data, name)
     width, height, dpi = (_read(found, key, name, (1, MOST_SIDE)) for key in ("screenW", "screenH", "DPI"))
-    slope = _read(found, "slope", name, (-1e4, 1e4))
+    slope = _read_slope(found, name)
     pitch = _read(found, "pitch", name, (1e-3, 1e4))
-    if not slope:
-        raise Unreadable(f"{name}: slope is 0; give the slant of the lenses, or 10000 for upright ones")
     if width * height > max_pixels:
         raise TooLarge(
             f"{name}: a screen of {width:.0f}x{height:.0f} pixels; at most {max_pixels:,} are made", "pixels"
         )
     mirrored = _is_set(found, "flipImageX", name)
-    pattern = _read(found, "CellPatternMode", name, (0, 100), 0.0)
     stripes = _read_stripes(found, name)
     is_inverted = _is_set(found, "invView", name)
     cone = _read(found, "viewCone", name, (1, 120), 40.0)
     lenses = pitch * width / dpi * float(np.cos(np.arctan(1 / slope)))
     tilt = height / (width * slope) * (-1 if mirrored else 1)
-    notes = [*((PATTERN,) if pattern else ()), *((INVERTED,) if stripes == "none" and not is_inverted else ())]
+    is_pattern = _read(found, "CellPatternMode", name, (0, 100), 0.0) > 0
+    notes = [*((PATTERN,) if is_pattern else ()), *((INVERTED,) if stripes == "none" and not is_inverted else ())]
     center, seen, field_of_view = _read(found, "center", name, (-1e4, 1e4)), 1.0, FIELD_OF_VIEW
     if "viewDistance" in found:
         distance = _read(found, "viewDistance", name, (0.1, 1e5))
@@ -184,19 +169,32 @@ def parse_calibration(
         cone=cone,
         field_of_view=field_of_view,
     )
-    if calibration.pitch < 1:
-        raise Unreadable(
-            f"{name}: lenses across the screen: {calibration.pitch:.3g}, and at least 1 is needed; {remedy}"
-        )
-    if calibration.directions < 2:
-        places = "pixels" if stripes == "none" else "subpixels"
-        raise Unreadable(
-            f"{name}: {places} under a lens: {calibration.directions:.4g}, and at least 2 are needed; {remedy}"
-        )
+    _check_lenses(calibration, name, remedy)
     if calibration.sharp > DEEP:
         deep = f"depth: detail would be sharp up to {calibration.sharp:.2g} heights of the screen from it"
         notes.append(f"{deep}; {remedy}")
     return replace(calibration, notes=tuple(notes))
+
+
+def _load(data: bytes, name: str) -> dict[str, Any]:
+    """Returns the entries of a calibration, whose keys have the right case."""
+    try:
+        found = _unwrap(json.loads(data))
+    except (ValueError, RecursionError) as error:
+        remedy = "give the calibration that the display stores (visual.json)"
+        if b"[panel]" in data:
+            remedy = "this describes a panel under lenses; give it as the option display"
+        raise Unreadable(f"{name}: not JSON; {remedy}") from error
+    if not isinstance(found, dict) or not any(key in found for key in KEYS):
+        raise Unreadable(
+            f"{name}: no calibration; give the JSON that the display stores (visual.json), the object that holds "
+            "pitch, slope, center, ..."
+        )
+    for key in KEYS:
+        wrong = next((other for other in found if other != key and other.lower() == key.lower()), None)
+        if wrong is not None:
+            raise Unreadable(f"{name}: {wrong} is not known; write {key}")
+    return found
 
 
 def _unwrap(found: Any) -> Any:
@@ -228,12 +226,32 @@ def _is_set(found: dict[str, Any], key: str, name: str) -> bool:
     return _read(found, key, name, (0, 1), 0.0) > 0.5
 
 
+def _read_slope(found: dict[str, Any], name: str) -> float:
+    slope = _read(found, "slope", name, (-UPRIGHT, UPRIGHT))
+    if not slope:
+        raise Unreadable(f"{name}: slope is 0; give the slant of the lenses, or {UPRIGHT} for upright ones")
+    return math.inf if abs(slope) == UPRIGHT else slope
+
+
 def _read_stripes(found: dict[str, Any], name: str) -> Stripes:
     stripes: Stripes = found.get("subpixels", "bgr" if _is_set(found, "flipSubp", name) else "rgb")
     if stripes not in get_args(Stripes):
         given = clean_text(str(stripes))[:40]
         raise Unreadable(f"{name}: subpixels is {given!r}; give {' or '.join(map(repr, get_args(Stripes)))}")
     return stripes
+
+
+def _check_lenses(calibration: Calibration, name: str, remedy: str) -> None:
+    """Raises `Unreadable` for lenses that are wider than the screen or cover too few pixels."""
+    if calibration.pitch < 1:
+        raise Unreadable(
+            f"{name}: lenses across the screen: {calibration.pitch:.3g}, and at least 1 is needed; {remedy}"
+        )
+    if calibration.directions < 2:
+        places = "pixels" if calibration.stripes == "none" else "subpixels"
+        raise Unreadable(
+            f"{name}: {places} under a lens: {calibration.directions:.4g}, and at least 2 are needed; {remedy}"
+        )
 
 
 def interlace(views: Pixels, calibration: Calibration, *, progress: Progress = ignore_progress) -> Pixels:

@@ -8,7 +8,7 @@ import re
 from dataclasses import replace
 
 from ciir.errors import InvalidOption, TooLarge
-from ciir.renderer.displays.lenticular import MOST_SIDE, SEEN, Calibration, parse_calibration
+from ciir.renderer.displays.lenticular import MOST_SIDE, SEEN, UPRIGHT, Calibration, parse_calibration
 from ciir.renderer.displays.screen import FIELD_OF_VIEW
 from ciir.renderer.limits import DEFAULT_LIMITS
 
@@ -59,7 +59,8 @@ def make_calibration(
     that name these options.
 
     `size`: as `parse_size` reads it. `lpi`: the lens sheet's lenses per inch. `dpi`: the printer's pixels per inch.
-    `view_distance`: as `parse_distance` reads it, by default the distance from which the print is `FIELD_OF_VIEW` high.
+    `view_distance`: as `parse_distance` reads it, by default the distance from which the print is `FIELD_OF_VIEW` high,
+    and at least half of the longer side.
     `view_angle`: the lens sheet's viewing angle in degrees, by default that of `parse_calibration`.
 
     Raises `InvalidOption` for a missing number, fewer than two pixels under a lens, lengths that don't fit one another,
@@ -82,19 +83,14 @@ def make_calibration(
     if width * height > max_pixels:
         smaller = "give a smaller size or fewer dpi, or check the unit, in or mm"
         raise TooLarge(f"{pixels}; at most {max_pixels:,} are made; {smaller}", "pixels")
-    distance = sides[1] / 2 / math.tan(math.radians(FIELD_OF_VIEW) / 2)
-    if view_distance:
-        distance = parse_distance(view_distance)
-        if distance < max(sides) / 2:
-            near = f"view_distance: {view_distance[:40]} is under half of the longer side of {size[:40]}"
-            raise InvalidOption(f"{near}; give the distance from the eyes to the print, such as 16in or 400mm")
+    distance = _find_distance(view_distance, size, sides)
     numbers = {
         "pitch": lpi,
         "viewDistance": distance,
         "DPI": dpi,
         "screenW": width,
         "screenH": height,
-        "slope": 10000,
+        "slope": UPRIGHT,
         "center": 0,
         "invView": 1,
         "subpixels": "none",
@@ -105,3 +101,15 @@ def make_calibration(
     seen = f"print: with lpi {lpi:g} and view_distance {distance:.4g}in, {strips:.6g} strips fit into an inch"
     others = (note for note in found.notes if not note.startswith(SEEN))  # which has the words of the JSON
     return replace(found, notes=(seen, *others))
+
+
+def _find_distance(view_distance: str, size: str, sides: tuple[float, float]) -> float:
+    """Returns the distance of the viewer of a print of `size`, whose `sides` are in inches."""
+    least = max(sides) / 2
+    if not view_distance:
+        return max(least, sides[1] / 2 / math.tan(math.radians(FIELD_OF_VIEW) / 2))
+    distance = parse_distance(view_distance)
+    if distance < least:
+        near = f"view_distance: {view_distance[:40]} is under half of the longer side of {size[:40]}"
+        raise InvalidOption(f"{near}; give the distance from the eyes to the print, such as 16in or 400mm")
+    return distance

@@ -52,6 +52,18 @@ def test_notes_name_the_options_of_a_print():
     assert note.endswith(" heights of the screen from it; give another print, lpi or dpi")
 
 
+def test_the_default_distance_is_one_that_is_accepted():
+    wide = make_calibration("20x2in", 20, 60)
+    assert wide.notes[0].startswith("print: with lpi 20 and view_distance 10in, ")
+    assert wide == make_calibration("20x2in", 20, 60, view_distance="10in")
+
+
+def test_the_strips_are_upright():
+    for found in (make_calibration("1x4in", 40, 200), parse(), parse(slope=-10000)):
+        assert (found.view_places(0) == found.view_places(found.height - 1)).all()
+    assert not (parse(slope=9999).view_places(0) == parse(slope=9999).view_places(2399)).all()
+
+
 def test_without_a_distance_the_perspective_is_that_of_any_display():
     assert make_calibration("6x4in", 60, 600).field_of_view == pytest.approx(parse().__class__.field_of_view)
 
