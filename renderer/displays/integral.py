@@ -165,20 +165,7 @@ def parse_display(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pi
     Raises `Unreadable` if it isn't TOML, `InvalidOption` if an entry is missing, unknown or out of range, `TooLarge`
     over `max_pixels`.
     """
-    try:
-        found = tomllib.loads(data.decode("utf-8-sig"))
-        str(found)  # raises ValueError for hexadecimal numbers that are too long for messages
-    except (ValueError, RecursionError) as error:  # not UTF-8, not TOML, or a number with thousands of digits
-        why = f" ({clean_text(str(error))[:100]})" if isinstance(error, tomllib.TOMLDecodeError) else ""
-        remedy = "docs/displays.md has a file to begin with"
-        if data.lstrip(codecs.BOM_UTF8).lstrip().startswith(b"{"):
-            why, remedy = " but JSON", "give a lenticular display's calibration as the option calibration"
-        raise Unreadable(f"{name}: not TOML{why}; {remedy}") from error
-    panel, lenses, viewer = (_Table(found.pop(key, {}), key, known, name) for key, known in ENTRIES.items())
-    if found:
-        raise InvalidOption(
-            f"{name}: [{clean_text(min(found))[:40]}] is not known; give [panel], [lenses] and [viewer]"
-        )
+    panel, lenses, viewer = _load(data, name)
     width, height = panel.pair("pixels", 1, 1e5)
     if width != int(width) or height != int(height):
         raise InvalidOption(f"{name}: panel.pixels holds a fraction; give whole numbers, as in [3840, 2160]")
@@ -198,6 +185,31 @@ def parse_display(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pi
         rotation=lenses.number("rotation", -360, 360, 0.0),
         distance=viewer.number("distance", 1e-3, 1e9, math.inf),
     )
+    _check_lengths(display, name)
+    return display
+
+
+def _load(data: bytes, name: str) -> list[_Table]:
+    """Returns the file's tables, in the order of `ENTRIES`."""
+    try:
+        found = tomllib.loads(data.decode("utf-8-sig"))
+        str(found)  # raises ValueError for hexadecimal numbers that are too long for messages
+    except (ValueError, RecursionError) as error:  # not UTF-8, not TOML, or a number with thousands of digits
+        why = f" ({clean_text(str(error))[:100]})" if isinstance(error, tomllib.TOMLDecodeError) else ""
+        remedy = "docs/displays.md has a file to begin with"
+        if data.lstrip(codecs.BOM_UTF8).lstrip().startswith(b"{"):
+            why, remedy = " but JSON", "give a lenticular display's calibration as the option calibration"
+        raise Unreadable(f"{name}: not TOML{why}; {remedy}") from error
+    tables = [_Table(found.pop(key, {}), key, known, name) for key, known in ENTRIES.items()]
+    if found:
+        raise InvalidOption(
+            f"{name}: [{clean_text(min(found))[:40]}] is not known; give [panel], [lenses] and [viewer]"
+        )
+    return tables
+
+
+def _check_lengths(display: IntegralDisplay, name: str) -> None:
+    """Raises `InvalidOption` for lengths that don't fit one another, of which one is probably in another unit."""
     if display.lens_pitch < 2 * display.pixel_pitch:
         raise InvalidOption(
             f"{name}: a lens of {display.lens_pitch:g} mm over pixels of {display.pixel_pitch:g} mm; a lens covers at "
@@ -219,7 +231,6 @@ def parse_display(data: bytes, *, name: str, max_pixels: int = DEFAULT_LIMITS.pi
             f"{name}: viewer.distance is {display.distance:g} mm, less than the gap of {display.gap:g} mm; give it "
             "from the lenses to the viewer, in millimetres"
         )
-    return display
 
 
 class _Table:
