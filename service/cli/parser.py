@@ -79,7 +79,9 @@ def make_parser() -> argparse.ArgumentParser:
     _add_models(add_command)
     _add_service(add_command)
     _add_measurements(add_command)
-    _add_training(add_command)
+    _add_evaluate(add_command)
+    _add_train(add_command)
+    _add_export(add_command)
     return top
 
 
@@ -164,7 +166,7 @@ def _add_measurements(add_command: Callable[..., argparse.ArgumentParser]) -> No
     command.add_argument("--json", metavar="FILE", help="also write all results to this file")
 
 
-def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
+def _add_evaluate(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command = add_command("evaluate", "measure the accuracy of a model, or of results against their truth")
     command.add_argument(
         "words",
@@ -212,6 +214,8 @@ def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     add_options(command, ("scale",), "upscale")
     add_options(command, (*READING_VIEWS, "fusion"))
 
+
+def _add_train(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command = add_command("train", "train a network from a recipe", "training")
     command.add_argument(
         "recipe", metavar="RECIPE", help="a .toml file; some ship with the package, in training/recipes"
@@ -228,6 +232,8 @@ def _add_training(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         command.add_argument(f"--{name}", metavar=metavar, help=f"{text}; replaces the recipe's")
     command.add_argument("--steps", metavar="N", type=int, help="optimiser steps; replaces the recipe's")
 
+
+def _add_export(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command = add_command(
         "export", "export a checkpoint, or a network from elsewhere, to .onnx with its card", "training"
     )

@@ -90,6 +90,10 @@ def _add_raw_files(parser: argparse.ArgumentParser, names: Sequence[str] = ("whi
         parser.add_argument(f"--{name}", metavar="FILE", help=f"with --lens-pitch: {texts[name]}")
 
 
+def _add_report(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--report", metavar="FILE", help="also write the report (JSON) to this file")
+
+
 def add_batch(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     """Adds `batch`. `add_command` is the function in `service.cli.parser`."""
     command = add_command(
@@ -129,7 +133,15 @@ def add_batch(add_command: Callable[..., argparse.ArgumentParser]) -> None:
 
 def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     """Adds the commands. `add_command` is the function in `service.cli.parser`."""
-    report = "write the report (JSON) to this file"
+    _add_reconstruct(add_command)
+    _add_convert(add_command)
+    _add_refocus(add_command)
+    _add_depth(add_command)
+    _add_elemental(add_command)
+    _add_upscale(add_command)
+
+
+def _add_reconstruct(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command = add_command(
         "reconstruct",
         "make views of a mesh, an elemental image array or a set of views, and upscale them",
@@ -149,8 +161,10 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     )
     add_options(command, KINDS["reconstruction"].options)
     _add_raw_files(command)
-    command.add_argument("--report", metavar="FILE", help="also write the report (JSON) to this file")
+    _add_report(command)
 
+
+def _add_convert(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command = add_command(
         "convert", "write a light field, or all views of a mesh, in another format", "pictures.convert"
     )
@@ -165,8 +179,10 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     )
     add_options(command, CONVERSION, texts={**ONE_POSE, "model": MODEL_FIRST})
     _add_raw_files(command)
-    command.add_argument("--report", metavar="FILE", help=report)
+    _add_report(command)
 
+
+def _add_refocus(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command = add_command(
         "refocus", "refocus a light field or a mesh: depth planes, or a picture sharp at all depths", "pictures.refocus"
     )
@@ -180,8 +196,10 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     )
     add_options(command, KINDS["plane"].options, "plane")
     _add_raw_files(command)
-    command.add_argument("--report", metavar="FILE", help=report)
+    _add_report(command)
 
+
+def _add_depth(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command = add_command(
         "depth",
         "estimate the disparity of a view (exact for a mesh), or make a 3D model of what the views show",
@@ -201,18 +219,22 @@ def add_pictures(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     )
     add_options(command, KINDS["disparity"].options, "disparity")
     _add_raw_files(command)
-    command.add_argument("--report", metavar="FILE", help=report)
+    _add_report(command)
 
+
+def _add_elemental(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command = add_command("elemental", "render a mesh's elemental image array", "pictures.elemental")
     command.add_argument("input", metavar="MESH", help="mesh file, or a folder or zip with one, or scene:NAME")
     command.add_argument("-o", "--out", required=True, metavar="FILE", help=f"picture to write: {', '.join(SUFFIXES)}")
     add_options(command, KINDS["elemental"].options, "elemental")
-    command.add_argument("--report", metavar="FILE", help=report)
+    _add_report(command)
 
+
+def _add_upscale(add_command: Callable[..., argparse.ArgumentParser]) -> None:
     command = add_command("upscale", "upscale any picture, or a folder of pictures", "pictures.upscale")
     command.add_argument(
         "input", metavar="IMAGE_OR_FOLDER", help="PNG, TIFF, JPEG, WebP, PPM, PGM or BMP; 8 or 16 bit; grey, RGB, alpha"
     )
     command.add_argument("-o", "--out", required=True, metavar="OUT", help="a picture, or a folder")
     add_options(command, KINDS["upscale"].options, "upscale")
-    command.add_argument("--report", metavar="FILE", help=report)
+    _add_report(command)
