@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.registry import MeshFormat
     from ciir.renderer.scene import Scene
 
+UNLIT = "light: all materials of the mesh are unlit; their light is in their colours"
 UPRIGHT = "up: an STL doesn't say which axis points up, and y is taken; if the object lies down, give up z"
 """The note on files of CAD programs and slicers, most of which have z up."""
 
@@ -38,7 +39,7 @@ def read(
     bundle by name.
 
     The scene's notes list what was left out or replaced, such as a missing texture or triangles without area, and the
-    pictures in `beside` that the mesh doesn't use. For an STL with y up, a note says so.
+    pictures in `beside` that the mesh doesn't use. For an STL with y up, and for light that changes nothing, there are notes.
 
     Raises `InvalidOption` if the file doesn't have the given `pose`. Raises `Unreadable` (also for any other error of a
     parser), `UnsupportedType`, `TooLarge` (also if memory runs out) or `InvalidGeometry` if the mesh can't be read.
@@ -66,6 +67,8 @@ def read(
         raise Unreadable(f"{name}: holds no {format_.name} data that can be read ({why}); export it again") from error
     if format_.name == "STL" and placement.up == "y":
         resolver.add_note(UPRIGHT)
+    if placement.light is not None and not any(surface.lit for surface in surfaces):
+        resolver.add_note(UNLIT)
     if unused := [other for other in beside if other not in resolver.used]:
         more = f" and {len(unused) - 1} more" if unused[1:] else ""
         resolver.add_note(f"{clean_text(unused[0])}{more} left out: not used by the mesh {clean_text(key)}")

@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ciir.renderer.readers import pictures
+from ciir.renderer.placement import Placement
+from ciir.renderer.readers import meshes, pictures
+from ciir.renderer.readers.bundle import Bundle
+from ciir.renderer.readers.meshes import UNLIT
+from ciir.renderer.readers.registry import SUFFIXES
 from ciir.renderer.shading import decode_srgb, encode_srgb
 from ciir.renderer.writers.pictures import encode_png
 from tests.support.meshes import FRONT, read_mesh
@@ -226,6 +230,17 @@ def test_light_that_a_material_emits_is_noted() -> None:
     assert model.read().notes == ("light that a material emits is left out: its base colour is drawn",)
     model.material["extensions"] = {"KHR_materials_unlit": {}}  # whose colour is the base colour alone
     assert model.read().notes == ()
+
+
+def test_light_that_changes_nothing_is_noted() -> None:
+    model, lit = Model(), Placement(light=(30.0, 20.0))
+    model.material["extensions"] = {"KHR_materials_unlit": {}}
+    bundle = Bundle("a.glb", "a.glb", {"a.glb": model.glb()})
+    assert meshes.read(bundle, "a.glb", SUFFIXES[".glb"], placement=lit).notes == (UNLIT,)
+    assert meshes.read(bundle, "a.glb", SUFFIXES[".glb"]).notes == ()
+    model.material["extensions"] = {}
+    bundle = Bundle("a.glb", "a.glb", {"a.glb": model.glb()})
+    assert meshes.read(bundle, "a.glb", SUFFIXES[".glb"], placement=lit).notes == ()
 
 
 def test_a_cutoff_above_1_leaves_nothing() -> None:
