@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 GHOST = 5.0
 """Pixels by which neighbouring views of a quilt may differ: above that, edges show double."""
 ROUNDING = 1e-9
-"""Share of a frame by which a point that just fits may seem to lie outside."""
+"""Share of a frame by which a point that just fits may seem to lie outside, and depth that counts as none."""
 
 
 @dataclass(frozen=True)
@@ -77,16 +77,19 @@ class DepthBudget:
     """Share of the scene's surface that leaves the frame in at least one direction that the display shows."""
     unit: str
 
-    def notes(self, zoom: float = 1.0, depth_factor: float = 1.0) -> tuple[str, ...]:
+    def notes(self, zoom: float = 1.0, depth_factor: float = 1.0, *, is_fitted: bool = True) -> tuple[str, ...]:
         """Returns the budget in sentences, for the report. `zoom`, `depth_factor`: those that the scene was framed
-        with.
+        with. `is_fitted`: whether it was fitted to the display.
         """
         unit = self.unit
-        extent = f"{_place(self.farthest, unit)} to {_place(self.nearest, unit)}"
+        extent = f"spans {_place(self.farthest, unit)} to {_place(self.nearest, unit)}"
+        if self.nearest - self.farthest < ROUNDING:
+            extent = f"lies {_place(self.nearest, unit) if abs(self.nearest) > ROUNDING else 'in it'}"
+        is_lost = self.cut > 0.5 and not is_fitted
         lines = [
             (
                 f"depth: the display is sharp up to {self.sharp:.3g} {unit} behind and in front of its plane; "
-                f"the scene spans {extent}"
+                f"the scene {extent}"
             )
         ]
         if self.blurred:
@@ -95,9 +98,11 @@ class DepthBudget:
             remedy = f"with {', or '.join(accepted)}, all of it would be sharp"
             if not accepted:
                 remedy = f"some would still blur with depth_factor or zoom {FACTORS[0]:g}; give both, or a flatter mesh"
-            lines.append(f"depth: {_percent(self.blurred)} of the surface is beyond that and blurs; {remedy}")
+            if accepted or not is_lost:
+                lines.append(f"depth: {_percent(self.blurred)} of the surface is beyond that and blurs; {remedy}")
         if self.cut:
-            lines.append(f"depth: {_percent(self.cut)} of the surface leaves the frame in some directions")
+            remedy = f"; with fit none, the mesh's coordinates count as {unit}; leave fit out" if is_lost else ""
+            lines.append(f"depth: {_percent(self.cut)} of the surface leaves the frame in some directions{remedy}")
         return tuple(lines)
 
     def _find_sharp(self, factor: float) -> float:

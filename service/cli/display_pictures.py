@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ciir.errors import InvalidOption
-from ciir.renderer.displays.pictures import USES
+from ciir.renderer.displays.pictures import USES, describes_print
 from ciir.renderer.displays.quilt import parse_name
 from ciir.renderer.writers import formats
 from ciir.renderer.writers.atomic_write import replacing
@@ -36,8 +36,9 @@ def write_picture(args: argparse.Namespace, options: Options, kind: Kind) -> Non
     if path.suffix.lower() not in suffixes:
         given = [f"--{name.replace('_', '-')}" for name in USES[kind] if hasattr(args, f"option_{name}")]
         other = f", or leave {', '.join(given)} out" if args.to is None else ""
+        what = "a print" if kind == "lenticular" and describes_print(options) else f"a {kind}"
         raise InvalidOption(
-            f"{args.out}: a {kind} is written as {', '.join(suffixes)}; end the name with one of them{other}"
+            f"{args.out}: {what} is written as {', '.join(suffixes)}; end the name with one of them{other}"
         )
     named = parse_name(path.name)
     output_path.check_places(args, *([_place_layout(path)] if named is not None else []))

@@ -216,9 +216,8 @@ def _render(scene: Scene, options: Options, target: Target, progress: Progress) 
         pixels = join_views(views, layout)
         budget = measure_quilt(scene, screen, layout.count, target.tile[1])
     ppi = None if isinstance(target, Quilt) else target.ppi
-    return DisplayPicture(
-        pixels, (*budget.notes(options.zoom, options.depth_factor), *caster.notes(), *check.list_notes()), layout, ppi
-    )
+    notes = budget.notes(options.zoom, options.depth_factor, is_fitted=options.fit != "none")
+    return DisplayPicture(pixels, (*notes, *caster.notes(), *check.list_notes()), layout, ppi)
 
 
 def _describe(kind: Kind, target: Target) -> Report:

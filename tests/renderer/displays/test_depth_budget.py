@@ -60,6 +60,29 @@ def test_what_lies_beyond_it_blurs_by_its_share_of_the_surface():
     assert "; with depth_factor 0.37, or zoom 0.66, all" in budget.notes(1.333, 0.75)[1]  # not 0.67: 0.6665
 
 
+@pytest.mark.parametrize(
+    ("depths", "extent"),
+    [((0,), "lies in it"), ((-2,), "lies 2 mm behind it"), ((0, 3), "spans 0 mm behind it to 3 mm in front of it")],
+)
+def test_a_flat_scene_spans_no_depth(depths, extent):
+    (note,) = measure_integral(make_sheets(*((depth, 0, 10) for depth in depths)), DISPLAY).notes()
+    assert note.endswith(f"; the scene {extent}")
+
+
+def test_a_scene_in_another_unit_is_to_be_fitted():
+    budget = measure_integral(make_sheets((-9000, 0, 10), (0, 0, 1)), DISPLAY)
+    line, lost = budget.notes(is_fitted=False)
+    assert line == budget.notes()[0]
+    assert lost.endswith(
+        "leaves the frame in some directions; with fit none, the mesh's coordinates count as mm; leave fit out"
+    )
+    assert [note.endswith("some directions") for note in budget.notes()] == [False, False, True]
+    assert (
+        "with depth_factor 0.2, or zoom 0.2, all"
+        in measure_integral(make_sheets((-200, 0, 200)), DISPLAY).notes(is_fitted=False)[1]
+    )
+
+
 def test_no_zoom_is_named_that_the_option_refuses():
     note = measure_integral(make_sheets((-3999, 0, 20)), DISPLAY).notes(0.5)[1]
     assert note.endswith("; with depth_factor 0.01, all of it would be sharp")

@@ -338,6 +338,16 @@ def make_box(*sides):
     return "\n".join([*lines, "f 1 2 4 3", "f 5 7 8 6", "f 1 5 6 2", "f 3 4 8 7", "f 1 3 7 5", "f 2 6 8 4"])
 
 
+def test_a_mesh_in_another_unit_needs_no_fit_none(folder, capsys):
+    (folder / "far.obj").write_text("v -9 -9 -90\nv 9 -9 -90\nv 0 9 -90\nf 1 2 3\n")
+    assert convert("far.obj -o q_qs4x1a0.75.png --fit none") == 0
+    printed = capsys.readouterr().err
+    assert "with --fit none, the mesh's coordinates count as screen heights; leave --fit out" in printed
+    assert "blurs" not in printed
+    assert convert("far.obj -o q_qs4x1a0.75.png") == 0
+    assert "; the scene lies in it\n" in capsys.readouterr().err
+
+
 def test_with_fit_none_a_mesh_stays_at_its_own_place(folder):
     """A square 2 mm wide, 1 mm to the right of the panel's middle, in the plane of its lenses."""
     (folder / "a.obj").write_text("v 0 -1 0\nv 2 -1 0\nv 2 1 0\nv 0 1 0\nf 1 2 3 4\n")
@@ -361,6 +371,7 @@ def test_with_fit_none_a_mesh_stays_at_its_own_place(folder):
         ("in.npz -o a.png --to quilt --quilt 99x1", "quilt: 99x1 is out of range"),
         ("in.npz -o a_qs8x6a1.png --device go", "name says qs8x6a1 and the options say qs11x6a0.5625"),
         ("in.npz -o a.zip --to quilt", "a.zip: a quilt is written as .png, .tif, .tiff, .jpg, .jpeg, .webp; end"),
+        ("in.npz -o a.jpg --print 1x1in --lpi 10 --dpi 100", "a.jpg: a print is written as .png, .tif, .tiff"),
         ("in.npz -o a.npy --device go", "a.npy: a quilt is written as .png, .tif, .tiff, .jpg, .jpeg, .webp; end"),
         ("in.npz -o a.npy --device go", "the name with one of them, or leave --device out"),
         ("in.npz -o a.npy --display p.toml", "the name with one of them, or leave --display out"),
