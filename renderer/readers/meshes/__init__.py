@@ -39,7 +39,7 @@ def read(
     bundle by name.
 
     The scene's notes list what was left out or replaced, such as a missing texture or triangles without area, and the
-    pictures in `beside` that the mesh doesn't use. For an STL with y up, and for light that changes nothing, there are notes.
+    pictures in `beside` that the mesh doesn't use. An STL with y up and light that changes nothing are noted too.
 
     Raises `InvalidOption` if the file doesn't have the given `pose`. Raises `Unreadable` (also for any other error of a
     parser), `UnsupportedType`, `TooLarge` (also if memory runs out) or `InvalidGeometry` if the mesh can't be read.
