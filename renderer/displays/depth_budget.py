@@ -173,7 +173,7 @@ def describe_native(
     _, size_u, height, width, _ = cameras.shape
     if size_u == 1:
         return ()
-    shown = max(width, height * calibration.aspect / pixel_aspect)  # with the borders of `pad_to_aspect`
+    shown = max(width, height * calibration.aspect / pixel_aspect)  # with the borders of `find_padded_size`
     moved = shown / calibration.pitch * calibration.directions / (size_u - 1)
     return (_describe_sharp(cameras, moved, disparity),)
 

@@ -27,6 +27,7 @@ from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.backends.progress import ignore_progress, run_parts
 from ciir.renderer.displays.integral import DEEP, Stripes
 from ciir.renderer.displays.interpolation import weigh_neighbours
+from ciir.renderer.displays.light_fields import find_padded_size
 from ciir.renderer.displays.screen import FIELD_OF_VIEW
 from ciir.renderer.limits import DEFAULT_LIMITS
 from ciir.renderer.readers.names import clean_text
@@ -254,28 +255,43 @@ def _check_lenses(calibration: Calibration, name: str, remedy: str) -> None:
         )
 
 
-def interlace(views: Pixels, calibration: Calibration, *, progress: Progress = ignore_progress) -> Pixels:
+def interlace(
+    views: Pixels,
+    calibration: Calibration,
+    *,
+    own_aspect: float | None = None,
+    progress: Progress = ignore_progress,
+) -> Pixels:
     """Returns the native picture `(height, width, 3)` of views `(n, h, w, c)`, grey or RGB, from the leftmost on.
 
     Each subpixel is sampled bilinearly in the two views around its place, and the two are blended: the place is a
     direction between two cameras, and the blend is the light field there as far as views and pixels show it. The
     nearest view would be up to half a step of the cameras off, which shows as steps at slanted edges. Views are assumed
-    to cover `calibration.cone` and the whole screen.
+    to cover `calibration.cone`, and the whole screen but black borders if they are shown with the width / height
+    `own_aspect`.
     """
     count, height, width, channels = views.shape
+    high, wide = find_padded_size((height, width), calibration.aspect / (own_aspect or calibration.aspect))
+    above, before = (high - height) // 2, (wide - width) // 2  # pixels of the borders, which take no memory here
     native = np.empty((calibration.height, calibration.width, 3), views.dtype)
     channel = np.arange(3) if channels >= 3 else np.zeros(3, np.intp)
 
     def make(row: int) -> None:
         x, y = calibration.content_positions(row)
         place = calibration.view_places(row) * (count - 1)  # (screen width, 3)
-        lines = np.zeros((count, width, channels), np.float32)  # a row of the screen is at one height of the views
-        for top, of_row in weigh_neighbours((1 - y[:1]) * height - 0.5, height):
-            lines += views[:, top[0]] * np.float32(of_row[0])
+        # A row of the screen is at one height of the views. The outermost columns are black.
+        lines = np.zeros((count, width + 2, channels), np.float32)
+        for top, of_row in weigh_neighbours((1 - y[:1]) * high - 0.5, high):
+            if 0 <= top[0] - above < height:
+                lines[:, 1:-1] += views[:, top[0] - above] * np.float32(of_row[0])
         total = np.zeros(place.shape, np.float32)
+        columns = [
+            (np.clip(left - before + 1, 0, width + 1), of_column)
+            for left, of_column in weigh_neighbours(x[:, None] * wide - 0.5, wide)
+        ]
         for view, of_view in weigh_neighbours(place, count):
-            for left, of_column in weigh_neighbours(x[:, None] * width - 0.5, width):
-                total += (of_view * of_column) * lines.take((view * width + left) * channels + channel)
+            for column, of_column in columns:
+                total += (of_view * of_column) * lines.take((view * (width + 2) + column) * channels + channel)
         native[row] = np.rint(total)
 
     run_parts(make, calibration.height, progress)

@@ -90,7 +90,14 @@ def pad_to_aspect(views: Pixels, own: float, aspect: float) -> tuple[Pixels, tup
     padded: Pixels = np.zeros((count, high, wide, channels), views.dtype)
     top, left = (high - height) // 2, (wide - width) // 2
     padded[:, top : top + height, left : left + width] = views
-    return padded, (f"black borders bring views of {width}x{height} pixels to the aspect {aspect:.4g}",)
+    return padded, note_borders((height, width), own, aspect)
+
+
+def note_borders(size: tuple[int, int], own: float, aspect: float) -> tuple[str, ...]:
+    """Returns the note on the borders of views of `size`, height and width, if they get any."""
+    if find_padded_size(size, aspect / own) == size:
+        return ()
+    return (f"black borders bring views of {size[1]}x{size[0]} pixels to the aspect {aspect:.4g}",)
 
 
 def make_quilt(

@@ -19,8 +19,8 @@ from ciir.renderer.displays.light_fields import (
     find_reduction,
     find_row,
     make_quilt,
+    note_borders,
     order_as_cameras,
-    pad_to_aspect,
     take_row,
 )
 from ciir.renderer.displays.panel import Conversion, resample_panel
@@ -189,6 +189,6 @@ def show_light_field(
     count = max(NATIVE_VIEWS, cameras.shape[1])
     row, notes = take_row(cameras, count, disparity=disparity)
     notes += describe_native(cameras, target, disparity, pixel_aspect)
-    row, padded = pad_to_aspect(row, own, target.aspect)
-    native = interlace(row, target, progress=progress)
-    return DisplayPicture(native, (*first_notes, *notes, *padded), ppi=target.ppi)
+    notes += note_borders((height, width), own, target.aspect)
+    native = interlace(row, target, own_aspect=own, progress=progress)
+    return DisplayPicture(native, (*first_notes, *notes), ppi=target.ppi)

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from ciir.errors import TooLarge, Unreadable
 from ciir.renderer.displays.integral import INCH, IntegralDisplay
 from ciir.renderer.displays.lenticular import INVERTED, UNTESTED, interlace, parse_calibration
+from ciir.renderer.displays.light_fields import pad_to_aspect
 from ciir.renderer.displays.panel import resample_panel
 from ciir.renderer.displays.quilt import QuiltLayout, join_views, split_quilt
 from ciir.renderer.displays.rays import RayCaster
@@ -238,6 +240,23 @@ def test_grey_16_bit_views_keep_their_depth():
     native = interlace(views, make_calibration())
     assert native.dtype == np.uint16
     assert (native == 40000).all()
+
+
+@pytest.mark.parametrize("own", [0.7, 1.5, 8.0])
+def test_borders_are_those_of_padded_views(own):
+    views = np.random.default_rng(0).integers(0, 256, (5, 31, 40, 3), np.uint8)
+    calibration = make_calibration()
+    padded, _ = pad_to_aspect(views, own, calibration.aspect)
+    assert np.array_equal(interlace(views, calibration, own_aspect=own), interlace(padded, calibration))
+
+
+def test_borders_take_no_memory():
+    views = np.full((48, 100, 100, 3), 9, np.uint8)
+    calibration = make_calibration(screenW=3000.0, screenH=10.0)
+    tracemalloc.start()
+    interlace(views, calibration, own_aspect=1.0)
+    assert tracemalloc.get_traced_memory()[1] < 48 * 100 * 30000 * 3 / 10
+    tracemalloc.stop()
 
 
 def test_a_real_calibration_is_read():
