@@ -186,7 +186,8 @@ def _add_evaluate(add_command: Callable[..., argparse.ArgumentParser]) -> None:
         "--degradation",
         choices=("bicubic", "box", "point"),
         default="",
-        help="how LR pictures are made from *_HR.png, other pictures or views (default for views: bicubic)",
+        help="how LR pictures are made from *_HR.png, other pictures or views (default for views: bicubic); with point "
+        "the truth is the mean of each 2x2 pixels, at half the size",
     )
     command.add_argument(
         "--jpeg",

@@ -18,6 +18,11 @@ if TYPE_CHECKING:
 
 KINDS = ("bicubic", "box", "point")
 """Degradations of a photograph: MATLAB's `imresize`, the mean of each cell, the middle of each cell."""
+POINT = (
+    "the truth is the mean of each 2x2 pixels, at half the size, and an LR pixel the mean of the middle 2x2 of the "
+    "pixels that it covers"
+)
+"""How `point` makes both pictures, for protocols."""
 MARGINS = {"bicubic": 2, "box": 0, "point": 0}
 """Number of LR samples on each side of a crop that its LR depends on. The bicubic kernel ends 2 LR samples away."""
 
@@ -47,7 +52,10 @@ def check_kind(kind: str, height: int, width: int, scale: int) -> None:
 
 
 def downscale_picture(kind: str, photograph: Picture, scale: int) -> Pair:
-    """Makes LR and HR of a photograph `(H, W, C)`, 8 bit, cut to whole cells. Raises `ValueError` as `check_kind`."""
+    """Makes LR and HR of a photograph `(H, W, C)`, 8 bit, cut to whole cells. Raises `ValueError` as `check_kind`.
+
+    For `point` HR is the mean of each 2x2 pixels of the photograph, and LR that of the middle 2x2 of each cell.
+    """
     height, width = photograph.shape[:2]
     check_kind(kind, height, width, scale)
     covered = cell_size(kind, scale)

@@ -25,6 +25,7 @@ from ciir.models.single.pixels import upscale_pixels
 from ciir.models.single.skipping import SkipStatistics
 from ciir.renderer.light_field import LightField
 from ciir.renderer.view_order.motion import measure_motion
+from ciir.training.data.downscale import POINT
 from ciir.training.data.light_field.views import compress_array, convert_views, degrade_views, read_light_field
 from ciir.training.evaluation.metrics import average, compute_psnr, compute_ssim, convert_to_luma
 
@@ -44,8 +45,8 @@ PROTOCOL = (
     "Mean over the views of the central 5x5 of PSNR (dB) and SSIM of Y (ITU-R BT.601, studio range, not rounded, of "
     "8-bit RGB; grey views are their own Y) after the output is rounded to 8 bits and a border of `scale` pixels is "
     "cut; each view is upscaled with those 5x5 alone. LR: each view made small as `data` names it, to 8 bits; bicubic "
-    "as by MATLAB's imresize, which is BasicLFSR's protocol but for the rounding and the border. SSIM: Wang et al. "
-    "2004, 11x11 Gaussian window of sigma 1.5, valid region, K 0.01 and 0.03, L 255. "
+    "as by MATLAB's imresize, which is BasicLFSR's protocol but for the rounding and the border; with point "
+    f"{POINT}. SSIM: Wang et al. 2004, 11x11 Gaussian window of sigma 1.5, valid region, K 0.01 and 0.03, L 255. "
     "The mean PSNR is that of views that aren't identical, if there are any."
 )
 

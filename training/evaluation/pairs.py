@@ -23,8 +23,13 @@ def check_sizes(result: str, made: Sequence[int], truth: str, wanted: Sequence[i
     small for SSIM.
     """
     if made != wanted:
+        # LR pixels, each `border` = scale wide, leave rows and columns of the truth over
+        missing = [true - own for own, true in zip(made[2:4], wanted[2:4], strict=True)]
+        is_cut = any(missing) and all(0 <= count < border for count in missing)
+        such = f", such as the upper left {made[2]}x{made[3]} pixels of the truth" if is_cut else ""
         raise ValueError(
             f"{result}: {_describe(made)}, but {truth} has {_describe(wanted)}; give views of the same number and size"
+            f"{such}"
         )
     if min(wanted[2:4]) - 2 * border <= 2 * SSIM_RADIUS:
         raise ValueError(f"{truth}: {_describe(wanted)}; SSIM needs more than {2 * (SSIM_RADIUS + border)} each way")

@@ -14,7 +14,7 @@ from ciir.models.cards import Accuracy, read_card
 from ciir.models.single.network import SingleImageNetwork
 from ciir.models.single.pixels import upscale_pixels
 from ciir.training.data import pictures
-from ciir.training.data.downscale import downscale_picture
+from ciir.training.data.downscale import POINT, downscale_picture
 from ciir.training.evaluation.metrics import average, compute_psnr, compute_ssim, convert_to_luma
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ PUBLISHED = frozenset({"Set5", "Set14", "BSD100", "Urban100"})
 def describe_protocol(folders: Iterable[Path], degradation: str = "") -> str:
     """Describes how the pictures of `folders` are scored, with LR made by `degradation`, or if it is empty as given."""
     if degradation:
-        return PROTOCOL.format(low=f"{degradation}, to 8 bits")
+        return PROTOCOL.format(low=f"{degradation}, to 8 bits" + f"; {POINT}" * (degradation == "point"))
     is_published = {folder.resolve().name for folder in folders} <= PUBLISHED
     supplied = "MATLAB's bicubic imresize, as supplied by SelfExSR"
     return PROTOCOL.format(low=supplied if is_published else "as given in the folder")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ciir.errors import InvalidOption
-from ciir.models.catalogue import FALLBACK, LIGHT_FIELD_DEFAULT, list_names
+from ciir.models.catalogue import FALLBACK, LIGHT_FIELD_DEFAULT, list_names, list_single_image_names
 from ciir.renderer.writers.atomic_write import place_for_file, replacing
 from ciir.renderer.writers.writer import report_json
 from ciir.service.cli import common
@@ -55,17 +55,34 @@ def _refuse(given: Sequence[str], partner: str) -> None:
         raise InvalidOption(f"--{given[0].replace('_', '-')}: this goes with {partner}; leave it out")
 
 
+def _is_model(word: str) -> bool:
+    return word in {AUTO, *list_names()} or word.endswith(".json")
+
+
+def _check_models(names: Sequence[str]) -> None:
+    for name in names:
+        if not _is_model(name):
+            raise InvalidOption(
+                f"evaluate: no model {name!r} here; give one of {', '.join(list_names())}, or the .json of a network"
+            )
+
+
 def _evaluate_pictures(args: argparse.Namespace, options: Options) -> None:
-    known = {AUTO, *list_names()}
-    count = next((n for n, word in enumerate(args.words) if n and not (word in known or word.endswith(".json"))), None)
+    count = next((n for n, word in enumerate(args.words) if n and not _is_model(word)), None)
     if count is None:
         raise InvalidOption(
             "evaluate: give MODELs and FOLDERs of pictures (as ./NAME if a model has that name), --light-field INPUT, "
             "or --truth INPUT and RESULTs; see ciir evaluate --help"
         )
     models, names = args.words[:count], args.words[count:]
-    if models[0] not in known and not models[0].endswith(".json") and Path(models[0]).exists():
+    if not _is_model(models[0]) and Path(models[0]).exists():
         raise InvalidOption(f"evaluate: {models[0]} is no model; to compare results, give --truth INPUT and RESULTs")
+    _check_models(models)
+    for name in models:
+        if name in list_names() and name not in list_single_image_names():
+            raise InvalidOption(
+                f"evaluate: {name} upscales views of a light field, not single pictures; give --light-field {names[0]}"
+            )
     for name in names:
         if Path(name).is_file():
             raise InvalidOption(
@@ -97,6 +114,7 @@ def _evaluate_views(args: argparse.Namespace, options: Options) -> None:
             raise InvalidOption(
                 f"evaluate: both the folder {name!r} and --light-field {args.light_field} are given; give one of them"
             )
+    _check_models(names)
     if args.jpeg is not None and not 1 <= args.jpeg <= 100:
         raise InvalidOption(f"--jpeg: {args.jpeg} is out of range; give 1 to 100")
     grid, degradation = read_pair("grid", args.grid or VIEWS), args.degradation or DEGRADATION

@@ -172,3 +172,8 @@ def test_the_protocol_is_that_of_the_default_grid():
     assert f"central {light_fields.GRID[0]}x{light_fields.GRID[1]}" in light_fields.PROTOCOL
     assert light_fields.describe_protocol() == light_fields.PROTOCOL
     assert "central 3x4" in light_fields.describe_protocol((3, 4))
+    assert "with point the truth is the mean of each 2x2 pixels" in light_fields.PROTOCOL
+
+
+def test_shipped_cards_have_the_protocol():
+    assert {read_card(path).protocol for path in SHIPPED.glob("field*.json")} == {light_fields.PROTOCOL}

@@ -85,6 +85,7 @@ def test_only_published_pictures_have_the_published_protocol():
     assert "LR: as given in the folder. SSIM" in describe_protocol([own])
     assert "LR: as given in the folder. SSIM" in describe_protocol([published, own])
     assert "LR: box, to 8 bits. SSIM" in describe_protocol([published], "box")
+    assert "LR: point, to 8 bits; the truth is the mean of each 2x2 pixels" in describe_protocol([published], "point")
 
 
 def test_no_pairs(tmp_path):

@@ -224,9 +224,10 @@ def test_what_differs_is_named(tmp_path):
     views = make_views()
     truth = save(tmp_path / "b.npz", views)
     for other, words in (
-        (views[:2], "2x4 views of 20x24 pixels, 3 channels, but"),
+        (views[:2], "2x4 views of 20x24 pixels, 3 channels, but .* size$"),
         (views[..., :1], "grey, but"),
-        (views[:, :, :10], "3x4 views of 10x24 pixels"),
+        (views[:, :, :10], "3x4 views of 10x24 pixels.* size$"),
+        (views[:, :, :19], "size, such as the upper left 19x24 pixels of the truth$"),
     ):
         with pytest.raises(ValueError, match=words):
             compare(save(tmp_path / "a.npz", other), truth, border=2)

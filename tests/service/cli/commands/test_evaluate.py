@@ -56,6 +56,13 @@ def test_evaluate_several_models(tmp_path, capsys):
     assert f"evaluate: {folders[0]} is no model; to compare results, give --truth INPUT and RESULTs" in other
 
 
+def test_evaluate_refuses_models(tmp_path, capsys):
+    for given in (["evaluate", "nosuch", str(tmp_path)], ["evaluate", "nosuch", "--light-field", str(tmp_path)]):
+        assert "evaluate: no model 'nosuch' here; give one of best, " in fails(capsys, *given)
+    other = fails(capsys, "evaluate", "fast", "field", str(tmp_path))
+    assert f"field upscales views of a light field, not single pictures; give --light-field {tmp_path}" in other
+
+
 def test_evaluate_names_the_current_folder(tmp_path, capsys, monkeypatch):
     pytest.importorskip("skimage", reason="needs scikit-image, of the bench and training extras")
     (tmp_path / "a.png").write_bytes(encode(np.full((16, 16, 3), 90, np.uint8), ".png"))
