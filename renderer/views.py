@@ -45,6 +45,12 @@ def check_depth_sense(sense: str) -> None:
         raise InvalidOption(f"depth_sense: {sense!r} is not known; give cameras or lenses")
 
 
+def spread_indices(start: int, stop: int, most: int) -> NDArray[np.int64]:
+    """Returns up to `most` of the rows or columns from `start` to before `stop`, evenly spread, with both ends."""
+    indices: NDArray[np.int64] = np.unique(np.linspace(start, stop - 1, min(most, stop - start)).round().astype(int))
+    return indices
+
+
 def center_view(pixels_v: int, pixels_u: int) -> View:
     """Returns the view nearest to the lenses' axis; the lower right one of the middle four if counts are even."""
     return pixels_v // 2, pixels_u // 2

@@ -20,8 +20,9 @@ from ciir.errors import InvalidOption, TooLarge
 from ciir.renderer.focus.all_in_focus import focus_everywhere
 from ciir.renderer.focus.stereo.matching import match
 from ciir.renderer.focus.stereo.noise import estimate_noise, measure_blur
+from ciir.renderer.focus.stereo.notes import find_mismatched, note_mismatched, note_reach
 from ciir.renderer.focus.stereo.refinement import CLEAN, FIRST, LAST, refine, select_views
-from ciir.renderer.focus.stereo.search_range import LEAST_SIDE, ends_search, find_limits, find_reach
+from ciir.renderer.focus.stereo.search_range import LEAST_SIDE, find_limits
 from ciir.renderer.focus.stereo.sweep import Sweep, read_levels
 from ciir.renderer.views import center_view, parse_views
 
@@ -47,11 +48,6 @@ OUTLINE = 13
 """Pixels along each side of the window around an outline within which it may be moved."""
 CLEAN_VIEWS = 5
 """Rows, and columns, of views that correct a map of clean ones: 9 take three times as long for no fewer bad pixels."""
-MISMATCH = 0.5
-"""Share of the largest difference that counts, from which on nothing fits a pixel."""
-MOST_MISMATCHED = 0.4
-"""Largest share of such pixels without a note: outlines and mirrors have them, and fine texture halfway between two
-planes."""
 MOST_AT_LIMITS = 0.2
 """Largest share of pixels at a given limit without a note: a plain background may lie there."""
 MOVED = 0.3
@@ -107,13 +103,15 @@ def estimate_disparity(
     beyond: float = 0.0,
     extra: Callable[[float], NDArray[np.float32]] | None = None,
     clips: bool = True,
+    order: int = 3,
 ) -> DisparityMap:
     """Estimates the disparity of `view`, by default the centre one.
 
     `limits`: the smallest and the largest disparity in pixels per view, by default from `find_limits`. `beyond`: how
     far the same steps go on past the largest, as a share of the range, as long as `MOST_COSTS` allows. `extra`: what a
     disparity costs each pixel in addition to the comparison of views, `(H, W)` in 8-bit levels. `clips`: whether the
-    map lies within `limits`, which the planes may exceed by a step.
+    map lies within `limits`, which the planes may exceed by a step. `order`: as in `stereo.refinement.refine`, for
+    clean views.
 
     Other views then correct the map (`stereo.refinement`), in the case of clean views by less than a plane. If the
     noise is beyond `UNNOTICED`, all views correct it and make the view itself almost free of noise. Outlines are then
@@ -123,7 +121,7 @@ def estimate_disparity(
     does not exist, and for limits that are not in order or exceed the longer side of a view; `TooLarge` for more than
     `MOST_COSTS` pixels times disparities.
     """
-    found = _estimate(_raise_levels(light_field), view, limits, beyond, extra)
+    found = _estimate(_raise_levels(light_field), view, limits, beyond=beyond, extra=extra, order=order)
     return _clip(found, limits) if clips and limits is not None else found
 
 
@@ -131,12 +129,13 @@ def _estimate(
     light_field: LightField,
     view: View | None,
     limits: tuple[float, float] | None,
+    *,
     beyond: float = 0.0,
     extra: Callable[[float], NDArray[np.float32]] | None = None,
+    order: int = 3,
 ) -> DisparityMap:
     """Does the same as `estimate_disparity` for views that use all bits."""
     views = light_field.views
-    height, width = views.shape[2:4]
     check_views(views)
     view = center_view(*views.shape[:2]) if view is None else _read_view(view)
     light_field.view(*view)
@@ -145,28 +144,21 @@ def _estimate(
     notes: list[str] = []
     if limits is None:
         limits = find_limits(views)
-        notes += note_reach(limits, (height, width))
+        notes += note_reach(limits, views.shape[2:4])
     else:
-        _check_limits(limits, max(height, width))
-    numbers = _list_planes(limits, parts)
-    if height * width * len(numbers) > MOST_COSTS:
-        raise TooLarge(
-            f"disparity: {height}x{width} pixels at {len(numbers)} disparities are more than {MOST_COSTS} together, "
-            "which take 2 GB; give limits that are closer to each other, or smaller views"
-        )
-    more = min(ceil(beyond * (len(numbers) - 1)), MOST_COSTS // (height * width) - len(numbers))
-    numbers = range(numbers.start, numbers.stop + more * numbers.step, numbers.step)
+        _check_limits(limits, max(views.shape[2:4]))
+    numbers = _list_planes(limits, parts, views.shape[2:4], beyond)
     deviation = estimate_noise(read_levels(views[view]).transpose(1, 2, 0))
     noise = max(0.0, deviation - UNNOTICED)
     planes = np.array(numbers) / parts
-    mismatched: list[float] = []
+    mismatched: list[NDArray[np.bool_]] = []
 
     def look(own: NDArray[np.float32] | None = None) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Returns the map and its confidence; `own`: the view without noise."""
         blur, compared = min(noise / 11, 1.0), 4 if noise else 2
         sweep = Sweep(views, view, parts=parts, farthest=farthest, compared=compared, blur=blur, own=own)
         cost = sweep.compare(numbers)
-        mismatched.append(_find_mismatched(cost, sweep.most_cost, measure_blur(blur) * deviation if noise else 0.0))
+        mismatched.append(find_mismatched(cost, sweep.most_cost, measure_blur(blur) * deviation if noise else 0.0))
         window = 3
         if own is None:
             cost /= 1 + noise / 5  # so that neighbours count more
@@ -184,35 +176,14 @@ def _estimate(
         own = _focus(views, found)
         sharper, confidence = look(own)
         disparity = np.where(_find_moved(disparity, sharper), sharper, disparity)
-        disparity = np.clip(refine(views, view, disparity, deviation, LAST, own=own), planes[0], planes[-1])
+        disparity = refine(views, view, disparity, deviation, LAST, own=own).clip(planes[0], planes[-1])
     else:
-        corrected = refine(views, view, disparity, UNNOTICED, CLEAN, most=CLEAN_VIEWS).clip(planes[0], planes[-1])
+        corrected = refine(views, view, disparity, UNNOTICED, CLEAN, most=CLEAN_VIEWS, order=order)
+        corrected = corrected.clip(planes[0], planes[-1])
         disparity = np.where(np.abs(corrected - disparity) < planes[1] - planes[0], corrected, disparity)
-    if mismatched[0] > MOST_MISMATCHED:
-        notes.append(
-            f"nothing fits {100 * mismatched[0]:.0f} % of the pixels at disparities from {planes[0]:.2f} to "
-            f"{planes[-1]:.2f}: the views may be in a wrong order, disparities may be larger (give limits), or things "
-            "may change between views"
-        )
+    notes += note_mismatched(mismatched[0], planes)
     disparity = disparity.astype(np.float32)
     return DisparityMap(view, disparity, confidence, planes, light_field.depth_sense, tuple(notes))
-
-
-def _find_mismatched(cost: NDArray[np.float32], most_cost: NDArray[np.float32], noise: float) -> float:
-    """Returns the share of pixels that nothing fits. `noise`: the standard deviation of the compared pictures'
-    noise.
-    """
-    by_noise = 2 * 2**0.5 * noise  # for the two terms of a cost, each from differences of two pictures
-    return float((cost.min(axis=0) > np.hypot(MISMATCH * most_cost, by_noise)).mean())
-
-
-def note_reach(limits: tuple[float, float], size: tuple[int, int]) -> list[str]:
-    """Returns a note if limits that were found end where the search did."""
-    reach = find_reach(size)
-    note = (
-        f"disparities are searched up to {reach:g} pixels per view, and some reach that; give limits to search further"
-    )
-    return [note] if ends_search(limits, size) else []
 
 
 def _find_moved(disparity: NDArray[np.float32], sharper: NDArray[np.float32]) -> NDArray[np.bool_]:
@@ -315,8 +286,20 @@ def _check_limits(limits: Any, side: int) -> None:
         )
 
 
-def _list_planes(limits: tuple[float, float], parts: int) -> range:
-    """Returns the planes from one limit to the other, in parts of a pixel: `LEAST_PLANES` to about `MOST_PLANES`."""
+def _list_planes(limits: tuple[float, float], parts: int, size: tuple[int, ...], beyond: float) -> range:
+    """Returns the planes from one limit to the other, in parts of a pixel: `LEAST_PLANES` to about `MOST_PLANES`, and
+    then those `beyond`.
+
+    Raises `TooLarge` for more than `MOST_COSTS` pixels, in a view of `size`, times planes.
+    """
     low, high = floor(round(limits[0] * parts, 9)), ceil(round(limits[1] * parts, 9))  # also for 1/49 * 49
     step = ceil((high - low) / MOST_PLANES)
-    return range(low, max(high, low + LEAST_PLANES - 1) + step, step)
+    planes = range(low, max(high, low + LEAST_PLANES - 1) + step, step)
+    height, width = size
+    if height * width * len(planes) > MOST_COSTS:
+        raise TooLarge(
+            f"disparity: {height}x{width} pixels at {len(planes)} disparities are more than {MOST_COSTS} together, "
+            "which take 2 GB; give limits that are closer to each other, or smaller views"
+        )
+    more = min(ceil(beyond * (len(planes) - 1)), MOST_COSTS // (height * width) - len(planes))
+    return range(low, planes.stop + more * step, step)

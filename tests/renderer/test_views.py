@@ -1,7 +1,7 @@
 import pytest
 
 from ciir.errors import InvalidOption
-from ciir.renderer.views import parse_views
+from ciir.renderer.views import parse_views, spread_indices
 
 
 def test_named_views():
@@ -24,3 +24,8 @@ def test_text_that_is_not_understood(spec):
 def test_views_that_do_not_exist(spec):
     with pytest.raises(InvalidOption, match="0 to 14"):
         parse_views(spec, 15, 15)
+
+
+@pytest.mark.parametrize(("most", "expected"), [(1, [2]), (2, [2, 8]), (3, [2, 5, 8]), (9, [2, 3, 4, 5, 6, 7, 8])])
+def test_indices_are_spread_evenly(most, expected):
+    assert spread_indices(2, 9, most).tolist() == expected

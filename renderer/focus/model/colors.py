@@ -11,6 +11,7 @@ from ciir.renderer.backends.embree import PreparedScene
 from ciir.renderer.backends.raytrace import list_rays
 from ciir.renderer.focus.stereo.conjugate_gradients import solve
 from ciir.renderer.focus.stereo.sweep import read_levels
+from ciir.renderer.views import spread_indices
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,7 +41,7 @@ def fit_colors(scene: Scene, field: LightField, array: LensArray, *, skips_rim: 
     prepared = PreparedScene(scene)
     rows, seen = [], []
     views = int(np.clip(np.sqrt(RAYS / (array.rows * array.cols)), *VIEWS))
-    spread = [np.unique(np.linspace(0, n - 1, views).round().astype(int)) for n in field.shape[:2]]
+    spread = [spread_indices(0, n, views) for n in field.shape[:2]]
     for view in ((int(v), int(u)) for v in spread[0] for u in spread[1]):
         levels = read_levels(field.views[view])
         levels = levels.reshape(len(levels), -1).T  # (H * W, C)

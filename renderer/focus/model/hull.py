@@ -11,6 +11,7 @@ from ciir.renderer.backends.embree import PreparedScene
 from ciir.renderer.backends.raytrace import list_rays
 from ciir.renderer.focus.stereo.sweep import find_overlap, read_levels
 from ciir.renderer.levels import drop_alpha
+from ciir.renderer.views import spread_indices
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -100,5 +101,5 @@ def explains_views(scene: Scene, field: LightField, is_shown: NDArray[np.bool_],
 
 def _list_views(is_shown: NDArray[np.bool_]) -> Iterator[View]:
     """Lists the views that count: spread over the grid, with some background."""
-    rows, cols = (np.unique(np.linspace(0, n - 1, VIEWS).round().astype(int)) for n in is_shown.shape[:2])
+    rows, cols = (spread_indices(0, n, VIEWS) for n in is_shown.shape[:2])
     return ((int(v), int(u)) for v in rows for u in cols if not is_shown[v, u].all())

@@ -19,12 +19,13 @@ from scipy import ndimage
 from ciir.bit_depth import count_unused_bits, raise_levels
 from ciir.errors import InvalidOption
 from ciir.renderer.backends.progress import ignore_progress, report_finished
-from ciir.renderer.focus.disparity import check_views, estimate_disparity, note_reach
+from ciir.renderer.focus.disparity import check_views, estimate_disparity
 from ciir.renderer.focus.model.cameras import check_cameras, place_before_cameras
 from ciir.renderer.focus.model.colors import fit_colors
 from ciir.renderer.focus.model.coverage import clear_rim, find_coverage, read_picture
 from ciir.renderer.focus.model.hull import explains_views, find_share, find_shown, lies_in_hull
 from ciir.renderer.focus.model.patch import make_patch
+from ciir.renderer.focus.stereo.notes import note_reach
 from ciir.renderer.focus.stereo.search_range import find_limits
 from ciir.renderer.lens_array import LensArray
 from ciir.renderer.scene import Part, Scene
@@ -232,7 +233,7 @@ def _estimate(
     # Something nearer would hide what the centre view sees, but it hides what is farther.
     beyond = FARTHER if extra and limits else 0.0
     searched = limits or find_limits(field.views, corners=False)
-    mapped = estimate_disparity(field, view, limits=searched, beyond=beyond, extra=extra, clips=False)
+    mapped = estimate_disparity(field, view, limits=searched, beyond=beyond, extra=extra, clips=False, order=1)
     return replace(mapped, notes=(*note_reach(searched, field.shape[2:4]), *mapped.notes))
 
 

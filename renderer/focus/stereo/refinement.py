@@ -19,6 +19,7 @@ from scipy import ndimage
 
 from ciir.renderer.focus.stereo.conjugate_gradients import solve
 from ciir.renderer.focus.stereo.sweep import read_levels
+from ciir.renderer.views import spread_indices
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -73,26 +74,33 @@ def refine(
     *,
     own: Picture | None = None,
     most: int = MOST_VIEWS,
+    order: int = 1,
 ) -> Picture:
     """Returns `disparity` `(H, W)` of `view`, corrected with `most` rows and columns of the views `(V, U, H, W, C)`
     that `select_views` picks.
 
     `noise`: its standard deviation, in 8-bit levels. `own`: the view with less noise, `(C, H, W)` in 8-bit levels;
-    views that differ from it count less. Without `own`, views that differ from the mean of all count less.
+    views that differ from it count less. Without `own`, views that differ from the mean of all count less. `order`:
+    that of the splines between pixels, 1 or 3. Lines blur fine texture, so that disparities between planes come out up
+    to 0.03 pixels too far from those planes; with cubic splines it is a third of that, and takes a third more time.
     """
     rows, cols = select_views(views.shape[:2], view, most)
     places = [(int(v), int(u)) for v in rows for u in cols]
     offsets = np.array(places, np.float32) - np.array(view, np.float32)
 
     def read(place: View, blur: float) -> Picture:
-        return ndimage.gaussian_filter(read_levels(views[place]), blur, axes=(1, 2))  # type: ignore[no-any-return]
+        picture: Picture = ndimage.gaussian_filter(read_levels(views[place]), blur, axes=(1, 2))
+        for axis in (1, 2) if order > 1 else ():
+            picture = ndimage.spline_filter1d(picture, order, axis, np.float32)
+        return picture
 
     parts = [slice(at, at + ROWS) for at in range(0, len(disparity), ROWS)]
     with ThreadPoolExecutor(2) as pool:
         for one in rounds:
             pictures = list(pool.map(partial(read, blur=one.blur), places))
             shown = None if own is None else ndimage.gaussian_filter(own, one.blur, axes=(1, 2))
-            found = list(pool.map(partial(_correct, pictures, offsets, disparity, noise, own=shown), parts))
+            correct = partial(_correct, pictures, offsets, disparity, noise, own=shown, order=order)
+            found = list(pool.map(correct, parts))
             error, information = (np.concatenate(some) for some in zip(*found, strict=True))
             disparity = _smooth(disparity, error, information, one)
     return disparity
@@ -106,20 +114,25 @@ def select_views(
     """
     farthest = max(grid) // 2
     ranges = ((max(0, at - farthest), min(count, at + farthest + 1)) for count, at in zip(grid, view, strict=True))
-    rows, cols = (
-        np.unique(np.linspace(start, stop - 1, min(most, stop - start)).round().astype(int)) for start, stop in ranges
-    )
+    rows, cols = (spread_indices(start, stop, most) for start, stop in ranges)
     return rows, cols
 
 
 def _correct(
-    pictures: list[Picture], offsets: Picture, disparity: Picture, noise: float, part: slice, *, own: Picture | None
+    pictures: list[Picture],
+    offsets: Picture,
+    disparity: Picture,
+    noise: float,
+    part: slice,
+    *,
+    own: Picture | None,
+    order: int,
 ) -> tuple[Picture, Picture]:
     """Returns, for some rows, the error times the information, and the information, the variance's inverse: `(h, W)`
     each.
 
-    `pictures`: n of `(C, H, W)`. `offsets`: `(n, 2)`, their position relative to the wanted view. `own`: as in
-    `refine`.
+    `pictures`: n of `(C, H, W)`, the coefficients of splines. `offsets`: `(n, 2)`, their position relative to the
+    wanted view. `own`, `order`: as in `refine`.
     """
     height, width = disparity.shape
     start, stop = max(0, part.start - AROUND), min(height, part.stop + AROUND)
@@ -131,7 +144,7 @@ def _correct(
         at = np.stack([y - v * map_, x - u * map_])
         is_inside[number] = ((at >= 0).all(axis=0)) & (at[0] <= height - 1) & (at[1] <= width - 1)
         for picture, result in zip(pictures[number], looked_up[number], strict=True):
-            ndimage.map_coordinates(picture, at, result, order=1, mode="nearest")
+            ndimage.map_coordinates(picture, at, result, order=order, mode="mirror", prefilter=False)
     if own is None:
         weights = is_inside
         for _ in range(2):  # the second mean is over views that agree with the first

@@ -91,7 +91,11 @@ FOCUS = {
         "window",
     ),
     "aperture": Option(
-        "VIEWS", "use only views within this radius from the middle (default: all)", make_number(0.01, 1e6), "2.5"
+        "VIEWS",
+        "radius around the middle at which a view counts half, and half a view farther nothing; with gauss all views "
+        "count, at the radius by exp(-2) (default: all equally)",
+        make_number(0.01, 1e6),
+        "2.5",
     ),
     "aperture_shape": Option(
         "NAME", "with --aperture: disc, square or gauss (default disc)", make_name(get_args(Shape)), "gauss"

@@ -91,6 +91,19 @@ def test_what_fits_nowhere_is_noted():
     assert estimate_disparity(LightField(views)).notes == ()
 
 
+def test_something_near_that_fits_nowhere_is_noted():
+    """It fills a fifth of the view, and is beyond the searched 20 pixels per view."""
+    (note,) = estimate_disparity(LightField(draw_layers(2, 25, count=3), depth_sense="cameras")).notes
+    assert "disparities from 1.50 to 2.75: disparities may be larger (give limits)" in note
+
+
+@pytest.mark.parametrize("far", [0.05, 0.1, -0.4])
+def test_disparities_between_planes_have_no_bias(far):
+    """Planes are a quarter of a pixel apart."""
+    found = estimate_disparity(LightField(draw_layers(far), depth_sense="cameras"))
+    assert abs(found.disparity[6:-6, 6:-6].mean() - far) < 1e-3
+
+
 def test_noise_does_not_count_as_what_fits_nowhere():
     views = make_light_field((9, 9))[0].views[..., :60, :]
     order = np.random.default_rng(1).permutation(81)
