@@ -44,7 +44,7 @@ def decode(
     other: PictureFormat | None = None,
 ) -> Pixels:
     """Returns a picture's pixels as stored, `(height, width, channels)`, 8 or 16 bit, turned as its orientation tag
-    says. Floating-point pixels from 0 to 1 become 16 bit (`is_rounded`).
+    says. Floating-point pixels from 0 to 1 become 16 bit (`note_samples`).
 
     PNG's palettes, 1 to 4 bits and transparent colour are expanded. The array may be read-only. `name` is only for
     messages. `check(height, width)` is called before decoding and may raise an error of its own. `other` is the format
@@ -92,14 +92,14 @@ def check_size(height: int, width: int, *, name: str, max_pixels: int = DEFAULT_
         )
 
 
-def is_rounded(data: bytes) -> bool:
-    """Checks whether the picture in `data`, which was decoded, has floating-point pixels."""
+def note_samples(data: bytes) -> tuple[str, ...]:
+    """Returns notes on the samples of the picture in `data`, which was decoded, as `tiff.note_page` does."""
     found = find_format(data)
     if found is None or found.name != "TIFF":
-        return False
+        return ()
     from ciir.renderer.readers import tiff
 
-    return tiff.is_rounded(data)
+    return tiff.note_samples(data)
 
 
 def _turn_upright(pixels: Pixels, orientation: int) -> Pixels:

@@ -12,7 +12,7 @@ import numpy as np
 import tifffile
 
 from ciir.errors import TooLarge, Unreadable, UnsupportedType
-from ciir.renderer.levels import round_samples
+from ciir.renderer.levels import ROUNDED, round_samples
 from ciir.renderer.readers.names import clean_text
 
 if TYPE_CHECKING:
@@ -41,6 +41,8 @@ COMPRESSIONS: tuple[int, ...] = (
     tifffile.COMPRESSION.PACKBITS,
 )
 
+UNSTATED = "the TIFF doesn't state what its last channel is, and it is taken as alpha; remove it if it is anything else"
+
 
 def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tuple[Pixels, int]:
     """Returns the pixels as stored (black is 0), and the orientation, 1 to 8.
@@ -56,10 +58,17 @@ def decode(data: bytes, name: str, check_size: Callable[[int, int], None]) -> tu
         return read_page(page, name), int(page.tags.valueof(ORIENTATION, 1))
 
 
-def is_rounded(data: bytes) -> bool:
-    """Checks whether the samples of the first page are floating-point numbers."""
+def note_samples(data: bytes) -> tuple[str, ...]:
+    """Returns notes on the samples of the first page, as `note_page` does."""
     with tifffile.TiffFile(io.BytesIO(data)) as file:
-        return file.pages.first.sampleformat == tifffile.SAMPLEFORMAT.IEEEFP
+        return note_page(file.pages.first)
+
+
+def note_page(page: tifffile.TiffPage) -> tuple[str, ...]:
+    """Returns a note if samples are floating-point numbers, and one if the last channel isn't stated to be alpha."""
+    is_rounded = page.sampleformat == tifffile.SAMPLEFORMAT.IEEEFP
+    is_unstated = page.extrasamples[:1] == (tifffile.EXTRASAMPLE.UNSPECIFIED,)
+    return (ROUNDED,) * is_rounded + (UNSTATED,) * is_unstated
 
 
 def find_profile(data: bytes) -> bytes | None:

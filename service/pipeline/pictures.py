@@ -12,7 +12,6 @@ from ciir.errors import InvalidOption
 from ciir.models import catalogue
 from ciir.models.single.skipping import SkipStatistics
 from ciir.renderer.displays.quilt import parse_name
-from ciir.renderer.levels import ROUNDED
 from ciir.renderer.limits import DEFAULT_LIMITS, Limits
 from ciir.renderer.readers import pictures, png
 from ciir.renderer.readers.layout import TEXT
@@ -86,13 +85,13 @@ def upscale_files(
     profiles: dict[str, list[str]] = {}
     several: list[str] = []
     averaged: list[float] = []
-    is_rounded = False
+    samples: list[str] = []
     for name, output in outputs.items():
         with clock.stage("decode"):
             pixels = pictures.decode(files[name], name=name, max_pixels=limits.pixels)
             if (profile := colour_profiles.name_profile(files[name])) is not None:
                 profiles.setdefault(profile, []).append(name)
-            is_rounded = is_rounded or pictures.is_rounded(files[name])
+            samples += [note for note in pictures.note_samples(files[name]) if note not in samples]
             if _holds_views(name, files[name]):
                 several.append(name)
         _encode(pixels[:1, :1], output)  # raises before the work starts if the format can't hold the picture
@@ -128,7 +127,7 @@ def upscale_files(
             for name in several
         ]
         + ([describe_average("picture", averaged, len(done))] if averaged else [])
-        + [ROUNDED] * is_rounded,
+        + samples,
         "model": describe_model(name_of_model, scale),
         "skipped": describe_skipped(statistics),
         "timings_ms": clock.timings_ms(),

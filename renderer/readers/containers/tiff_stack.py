@@ -16,7 +16,6 @@ import numpy as np
 import tifffile
 
 from ciir.errors import TooLarge, Unreadable
-from ciir.renderer.levels import ROUNDED
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import tiff
 from ciir.renderer.readers.containers.axes import settle_grid
@@ -70,15 +69,14 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
         tiff.check_page(first, len(data), name, _allow)
         height, width, channels = first.imagelength, first.imagewidth, first.samplesperpixel
         check_array(name, (*grid, height, width, channels), dtype, limits)
-        is_rounded = dtype.kind == "f"
-        views = np.empty((count, height, width, channels), np.uint16 if is_rounded else dtype.newbyteorder("="))
+        views = np.empty((count, height, width, channels), np.uint16 if dtype.kind == "f" else dtype.newbyteorder("="))
         for number, page in enumerate(cast("Iterator[tifffile.TiffPage]", file.pages)):
             if (page.shape, page.dtype) != (first.shape, first.dtype):
                 raise Unreadable(f"{name}: page {number} is not like the first; make all views alike")
             tiff.check_page(page, len(data), name, _allow)
             views[number] = tiff.read_page(page, f"{name}: page {number}").reshape(height, width, channels)
     sense, guessed = settle_depth_sense(described.get("depth_sense"), layout)
-    notes += guessed + (ROUNDED,) * is_rounded
+    notes += guessed + tiff.note_page(first)
     return LightField(views.reshape(*grid, height, width, channels), notes, depth_sense=sense)
 
 

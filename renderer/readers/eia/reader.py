@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 from ciir.errors import InvalidOption
-from ciir.renderer.levels import ROUNDED
 from ciir.renderer.light_field import LightField
 from ciir.renderer.readers import pictures
 from ciir.renderer.readers.eia.advice import (
@@ -47,7 +46,7 @@ def read(data: bytes, *, name: str, layout: Layout, limits: Limits) -> LightFiel
     entry = find_format(data)
     is_jpeg = entry is not None and entry.name == "JPEG"
     found = read_pixels(picture, name=name, layout=layout, jpeg=data if is_jpeg else b"")
-    notes = (*note_profile(data, name), *((ROUNDED,) * pictures.is_rounded(data)))
+    notes = (*note_profile(data, name), *pictures.note_samples(data))
     own = complete_layout(Layout(), data)
     if own.arrangement == "eia" and layout.pickup not in (None, own.pickup):
         notes = (*notes, f"pickup: the file's own text says {own.pickup}; it is read as {layout.pickup}, as given")

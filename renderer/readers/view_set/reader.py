@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast, get_args
 import numpy as np
 
 from ciir.errors import InvalidOption, TooLarge, Unreadable, UnsupportedType
-from ciir.renderer.levels import ROUNDED
 from ciir.renderer.limits import DEFAULT_LIMITS, Limits
 from ciir.renderer.readers.layout import DEPTH_SENSE_TEXT, Layout
 from ciir.renderer.readers.metadata.colour_profiles import note_profile
 from ciir.renderer.readers.names import clean_text, is_hidden
 from ciir.renderer.readers.picture_sizes import START_BYTES, read_start
-from ciir.renderer.readers.pictures import is_rounded
+from ciir.renderer.readers.pictures import note_samples
 from ciir.renderer.readers.registry import is_picture
 from ciir.renderer.readers.view_set.grid import describe_unknown_shape, find_grids
 from ciir.renderer.readers.view_set.order import (
@@ -96,7 +95,7 @@ def read(
         grid, light_field = _select_by_pictures(grids, found, name, has_shape=layout.pixels is not None)
     settled = _note_shape(_settle_order(light_field, grid, layout, is_own=is_own), layout)
     notes = note_profile(files[settled.some], clean_text(settled.some))
-    notes += (ROUNDED,) * is_rounded(files[settled.some])
+    notes += note_samples(files[settled.some])
     return replace(settled, notes=(*settled.notes, *notes))
 
 

@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from ciir.errors import InputError, TooLarge, Unreadable, UnsupportedType
+from ciir.renderer.levels import ROUNDED
 from ciir.renderer.readers import jpeg, pictures
 from ciir.renderer.readers import png as png_reader
+from ciir.renderer.readers.tiff import UNSTATED
 from ciir.renderer.writers.pictures import encode
 
 
@@ -140,9 +142,15 @@ def test_tiff_of_floating_point_numbers_is_rounded_to_16_bit(dtype, options) -> 
     pixels = noise(5, 4, 3).astype(dtype) / 255
     data = tiff(pixels, photometric="rgb", **options)
     read = pictures.decode(data, name="x")
-    assert (read.dtype, pictures.is_rounded(data)) == (np.uint16, True)
+    assert (read.dtype, pictures.note_samples(data)) == (np.uint16, (ROUNDED,))
     assert np.abs(read - 65535 * pixels.astype(float)).max() <= 0.51
-    assert not pictures.is_rounded(tiff(noise(5, 4)))
+    assert pictures.note_samples(tiff(noise(5, 4))) == ()
+
+
+@pytest.mark.parametrize(("kind", "notes"), [("unspecified", (UNSTATED,)), ("unassalpha", ())])
+def test_tiff_whose_last_channel_is_not_stated_to_be_alpha_has_a_note(kind, notes) -> None:
+    data = tiff(noise(5, 4, 4), photometric="rgb", extrasamples=[kind])
+    assert pictures.note_samples(data) == notes
 
 
 def test_tiff_of_numbers_beyond_1_is_refused_with_the_remedy() -> None:
