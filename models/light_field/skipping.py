@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ciir.models.light_field.disparities.shifts import convert_to_float, crop_luma, crop_with_margin, shift_part
+from ciir.models.light_field.disparities.shifts import crop_luma, crop_with_margin, shift_part
+from ciir.models.light_field.pixels import convert_to_planes
 from ciir.models.light_field.windows import WINDOW_SIDE, Axis, list_window, select_axis
 from ciir.models.single import skipping
 from ciir.models.tiles import Tile
@@ -131,7 +132,7 @@ def _make_pattern(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     side = 2 * network.radius + 1
     uniform: NDArray[Any] = np.tile(np.frombuffer(colour, dtype), (side, side, 1))
-    image = np.broadcast_to(convert_to_float(uniform), (side, side, 3)).transpose(2, 0, 1)
+    image = convert_to_planes(uniform)
     around = np.broadcast_to(crop_luma(uniform), (WINDOW_SIDE * WINDOW_SIDE, side, side))
     rows, cols = (Axis(tuple(range(WINDOW_SIDE)), np.frombuffer(present, np.float32)) for present in window)
     image, around = (np.ascontiguousarray(part)[np.newaxis] for part in (image, around))

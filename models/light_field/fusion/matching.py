@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ciir.models.back_projection import measure_contrast
-from ciir.models.light_field.fusion.pixels import enlarge
+from ciir.models.light_field.fusion.pixels import DEVIATION, enlarge
 from ciir.models.light_field.fusion.warping import TAPS, weigh_taps
 from ciir.models.parallel import run_each
 
@@ -35,8 +35,6 @@ WIENER = 0.2
 PRIOR = 0.03
 """Share of the distance from the first picture that is undone in each round, at a contrast of 1; up to ten times as
 much in flat parts."""
-DEVIATION = 0.18
-"""Difference, as the root of its mean square over a patch, at which a view's weight is 1/e, in units of contrast."""
 SOFT = np.float32(0.08**2)
 """Squared difference, in units of contrast, at which a pixel of another view counts half."""
 PATCH, AROUND = 3, 9

@@ -146,8 +146,9 @@ class FusingUpscaler:
         numbers = [number for number, finishing in enumerate(finished) if self._is_fused(finishing)]
         self._fuse_rows({other for number in numbers for other in list_line(wanted[number], self._grid, 0)})
         if self._matches:
-            self._fetch_missing({other for number in numbers for other in list_nearest(wanted[number], self._grid)})
-            self._find_disparities({other for number in numbers for other in list_nearest(wanted[number], self._grid)})
+            nearest = {other for number in numbers for other in list_nearest(wanted[number], self._grid)}
+            self._fetch_missing(nearest)
+            self._find_disparities(nearest)
         result: Any = np.stack([self._upscaled[view].picture for view in wanted])
 
         def fuse(number: int) -> None:

@@ -42,11 +42,11 @@ def take_order(views: Views, order: OrderCheck) -> Views:
 
 def estimate(views: Views, layout: Layout) -> OrderEstimate:
     """Estimates the order of `views` after the changes that `layout` asks for. Reversed rows are put right before."""
-    found = estimate_order(views if isinstance(views, ViewFiles) else views.views)
+    found = _estimate_own(views)
     if is_automatic(layout):
         return found
     views = reorient(unwind(views) if found.is_serpentine else views, layout)
-    asked = estimate_order(views if isinstance(views, ViewFiles) else views.views)
+    asked = _estimate_own(views)
     return found if asked.is_serpentine else replace(asked, is_serpentine=found.is_serpentine)
 
 
@@ -87,6 +87,11 @@ def _find_grid(views: Views) -> NDArray[Any]:
     return views.files if isinstance(views, ViewFiles) else views.views
 
 
+def _estimate_own(views: Views) -> OrderEstimate:
+    """Estimates the order of the views as they are."""
+    return estimate_order(views if isinstance(views, ViewFiles) else views.views)
+
+
 def _replace_grid(views: Views, grid: NDArray[Any]) -> Views:
     return replace(views, files=grid) if isinstance(views, ViewFiles) else replace(views, views=grid)
 
@@ -124,7 +129,7 @@ def note_asked(views: Views, layout: Layout) -> Views:
     """
     if layout.order == "given":
         return replace(views, is_ordered=True)
-    found = estimate_order(views if isinstance(views, ViewFiles) else views.views)
+    found = _estimate_own(views)
     if not found.is_wrong:
         return replace(views, is_ordered=True)
     note = (
