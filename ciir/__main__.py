@@ -17,6 +17,7 @@ def main() -> int:
     is_usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # background commands ignore SIGINT
     if is_usual:
         signal.signal(signal.SIGINT, _end)
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy's matrices here are small: more threads only wait
     gc.disable()
     from ciir.service.cli.main import main as run
 

@@ -119,12 +119,12 @@ def measure_contrast(picture: NDArray[np.float32]) -> NDArray[np.float32]:
     largest, smallest = picture, picture
     for axis in (0, 1):
         largest, smallest = (
-            _reduce_neighbours(one, axis, by) for one, by in ((largest, np.maximum), (smallest, np.minimum))
+            reduce_neighbours(one, axis, by) for one, by in ((largest, np.maximum), (smallest, np.minimum))
         )
     return largest - smallest
 
 
-def _reduce_neighbours(picture: NDArray[np.float32], axis: int, by: np.ufunc) -> NDArray[np.float32]:
+def reduce_neighbours(picture: NDArray[np.float32], axis: int, by: np.ufunc) -> NDArray[np.float32]:
     """Applies `by` to each pixel and its two neighbours along `axis`."""
     result = picture.copy()
     to, of = np.moveaxis(result, axis, 0), np.moveaxis(picture, axis, 0)

@@ -162,6 +162,8 @@ def make_key(api_key: str | None) -> dict[bytes, bytes]:
     if api_key is None:
         return {}
     key = api_key.strip()  # as the server does with its own keys: one from a file has a line end
+    if not key:
+        raise InvalidOption("api_key: is empty; give one of the server's keys, or None if it has none")
     if not key.isprintable():
         raise InvalidOption("api_key: holds a line end or another control character; give one of the server's keys")
     return {b"Authorization": b"Bearer " + key.encode()}

@@ -10,6 +10,7 @@ import numpy as np
 from ciir.bit_depth import count_raised_bits, lower_levels, raise_levels
 from ciir.errors import InvalidImage
 from ciir.models import tiles
+from ciir.models.back_projection import reduce_neighbours
 from ciir.models.single import skipping
 from ciir.models.single.skipping import SkipStatistics
 
@@ -153,9 +154,7 @@ def _upscale_colour(upscaler: Upscaler, colour: NDArray[np.float32]) -> NDArray[
 def _upscale_alpha(upscaler: Upscaler, alpha: NDArray[np.float32]) -> NDArray[np.float32]:
     """Upscales `(N, 1, H, W)`. The result is exactly 0 or 1 where all of the surrounding 3x3 pixels are."""
     large = _upscale_colour(upscaler, alpha)
-    windows = np.lib.stride_tricks.sliding_window_view(
-        np.pad(alpha, ((0, 0), (0, 0), (1, 1), (1, 1)), mode="edge"), (3, 3), axis=(2, 3)
-    )  # (N, 1, H, W, 3, 3)
-    for value, flat in ((0.0, windows.max(axis=(4, 5)) == 0.0), (1.0, windows.min(axis=(4, 5)) == 1.0)):
+    for value, by in ((0.0, np.maximum), (1.0, np.minimum)):
+        flat = reduce_neighbours(reduce_neighbours(alpha, 2, by), 3, by) == value
         large[flat.repeat(upscaler.scale, axis=2).repeat(upscaler.scale, axis=3)] = value
     return large

@@ -30,7 +30,12 @@ _FORM = r"\d+x\d+|-?\d+:[\d:.-]*\d|[A-Z]+[x,][A-Z,]+"
 """Values such as `50x50`, `0:360:60` and `ROWSxCOLUMNS`."""
 _BEFORE, _AFTER = r"""(?<![\w./\\'"-])""", r"""(?![\w/\\'"-]|\.\w)"""
 """Around words of a sentence: not parts of paths, and not quoted values."""
-_VALUED = "|".join(f"{name} (?:{'|'.join([*_VALUES.get(name, ()), _FORM])})" for name in _NAMES)
+_VALUED = "|".join(
+    [
+        f"(?:{'|'.join(name for name in _NAMES if not _VALUES.get(name))}) (?:{_FORM})",
+        *(f"{name} (?:{'|'.join([*words, _FORM])})" for name, words in _VALUES.items() if words),
+    ]
+)
 _ITEM = f"(?:{_VALUED}|{'|'.join(_NAMES)}){_AFTER}"
 _MORE = f"(?:(?:,| and| or|, and|, or) {_ITEM})"
 _NUMBER = r"(?: \d[\d.]*(?:in)?(?![\w/]))?"

@@ -1,3 +1,4 @@
+import os
 import signal
 import subprocess
 import sys
@@ -42,6 +43,18 @@ def test_ctrl_c_is_usual_afterwards(monkeypatch, capsys):
     assert main() == 0
     assert capsys.readouterr().out
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_numpy_has_one_thread_for_matrices_unless_told_otherwise():
+    code = (
+        "import os, sys; from ciir.__main__ import main; sys.argv[1:] = ['--version']; main(); print(os.environ['{}'])"
+    )
+    name = "OPENBLAS_NUM_THREADS"
+    without = {key: value for key, value in os.environ.items() if key != name}
+    for environment, wanted in ((without, "1"), (without | {name: "3"}, "3")):
+        command = [sys.executable, "-c", code.format(name)]
+        ended = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)  # noqa: S603
+        assert ended.stdout.split()[-1] == wanted
 
 
 def test_the_installed_command_is_the_same():

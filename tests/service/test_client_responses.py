@@ -194,6 +194,14 @@ def test_a_key_that_no_header_can_hold_is_refused_and_not_shown(kind):
     assert "first" not in str(caught.value)
 
 
+@pytest.mark.parametrize("key", ["", " \n"])
+def test_an_empty_key_is_refused(key):
+    with pytest.raises(
+        InvalidOption, match=r"^api_key: is empty; give one of the server's keys, or None if it has none$"
+    ):
+        Client("http://server", api_key=key)
+
+
 @pytest.mark.parametrize("kind", ["reconstructions", "view"])
 def test_a_kind_that_there_is_not(kind):
     """The paths of HTTP have the plural."""

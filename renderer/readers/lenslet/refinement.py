@@ -213,14 +213,16 @@ def _solve(equations: NDArray[np.float64], places: NDArray[np.float64]) -> tuple
     """Solves `equations`, `(n, 2, unknowns)`, by least squares with Tukey's weights; also returns the median distance
     from `places`.
     """
-    found = np.zeros(equations.shape[2])
-    middle = 0.0
+    count = equations.shape[2]
+    found, middle = np.zeros(count), 0.0
+    flat = equations.reshape(-1, count)
     for _ in range(10):
-        distance = np.hypot(*(places - equations @ found).T)
+        distance = np.hypot(*(places - (flat @ found).reshape(-1, 2)).T)
         middle = float(np.median(distance))
-        weight = np.clip(1 - (distance / (4 * max(middle, 0.01))) ** 2, 0, 1)  # the square root of Tukey's
-        left = (equations * weight[:, None, None]).reshape(-1, len(found))
-        found = np.linalg.lstsq(left, (places * weight[:, None]).ravel(), rcond=None)[0]
+        weight = np.clip(1 - (distance / (4 * max(middle, 0.01))) ** 2, 0, 1) ** 2
+        left = flat.T * weight.repeat(2)
+        # The normal equations: few unknowns of similar size, and 20 times as fast as the tall matrix itself.
+        found = np.linalg.lstsq(left @ flat, left @ places.ravel(), rcond=None)[0]
     return found, middle
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ciir.renderer.readers.registry import MeshFormat
     from ciir.renderer.scene import Scene
 
-UNLIT = "light: all materials of the mesh are unlit; their light is in their colours"
+UNLIT = "light: all materials of the mesh are unlit, with the light in their colours; leave light out"
 UPRIGHT = "up: an STL doesn't say which axis points up, and y is taken; if the object lies down, give up z"
 """The note on files of CAD programs and slicers, most of which have z up."""
 

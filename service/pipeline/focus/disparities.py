@@ -130,7 +130,8 @@ def _render(source: Source, options: Options, clock: Clock) -> tuple[DisparityMa
 def _list_unused(options: Options) -> list[str]:
     """Returns a note on options on the looks of a mesh that are given and that its disparity doesn't depend on."""
     unused = [name for name in ("background", "light") if getattr(options, name) != getattr(Options, name)]
-    return [f"{', '.join(unused)}: a disparity map doesn't depend on it; leave it out"] if unused else []
+    names = " and ".join(unused)
+    return [f"{names}: a disparity map doesn't depend on this; leave {names} out"] if unused else []
 
 
 def _find_range(found: DisparityMap, counts: NDArray[np.bool_], *, is_exact: bool) -> Report | None:

@@ -101,14 +101,15 @@ async def keep_file(request: Request, state: State) -> Response:
     """Keeps the file. The same file under the same name has the same id, and is kept for longer."""
     state.engine.check_accepting()
     upload.check_head(request.query_params, request.headers)
-    form = await multipart.read_form(request)
     try:
-        name, file = upload.parse_file(form.multi_items())
-        job, is_new = await to_thread.run_sync(state.engine.jobs.keep_file, name, file, hash_client(request))
+        form = await multipart.read_form(request)
+        try:
+            name, file = upload.parse_file(form.multi_items())
+            job, is_new = await to_thread.run_sync(state.engine.jobs.keep_file, name, file, hash_client(request))
+        finally:
+            await form.close()
     except NoRoom as error:
         return respond_error(error, request.url.path, _NO_ROOM_SECONDS)
-    finally:
-        await form.close()
     _log.info("file %s: %s, %s", job.id, name, "kept" if is_new else "known")
     return _respond(job, 201 if is_new else 200, {"Location": f"{ROOT}/{job.id}"})
 

@@ -112,10 +112,10 @@ def test_that_of_a_mesh_is_exact():
     ("given", "notes"),
     [
         ({}, []),
-        ({"background": "red"}, ["background: a disparity map doesn't depend on it; leave it out"]),
+        ({"background": "red"}, ["background: a disparity map doesn't depend on this; leave background out"]),
         (
             {"background": "red", "light": "10,10"},
-            ["background, light: a disparity map doesn't depend on it; leave it out"],
+            ["background and light: a disparity map doesn't depend on this; leave background and light out"],
         ),
     ],
 )

@@ -11,6 +11,7 @@ from ciir.renderer.displays.quilt import QuiltLayout
 from ciir.renderer.readers.pictures import decode
 from ciir.renderer.writers.pictures import encode_png
 from ciir.service.pipeline.options import KINDS
+from ciir.service.web import multipart
 from ciir.service.web.routes.results import find_root
 from ciir.service.web.routes.upload import make_name
 from tests.support.inputs import CUBE, make_picture
@@ -267,6 +268,16 @@ def test_files_that_there_is_no_room_to_keep(tmp_path):
         refused = keep(client, b"other")
         check_problem(refused, 503, "try again in a minute")
         assert refused.headers["retry-after"] == "60"
+
+
+def test_a_disk_that_fills_during_the_upload_is_a_minute_too(own, monkeypatch):
+    async def refuse(request):
+        raise NoRoom("the server's disk is full; try again later")
+
+    monkeypatch.setattr(multipart, "read_form", refuse)
+    refused = keep(own, b"other")
+    check_problem(refused, 503, "full")
+    assert refused.headers["retry-after"] == "60"
 
 
 def test_a_file_is_never_read_whole(own, monkeypatch):
