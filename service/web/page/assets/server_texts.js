@@ -71,5 +71,6 @@ const REMEDIES = /** @type {[RegExp, string | ((found: string, part: string) => 
  * @param {string} text
  */
 export function adaptRemedy(text) {
+  if (/: no such field;/.test(text)) return text; // whose remedy lists the names of the address
   return REMEDIES.reduce((adapted, [pattern, remedy]) => adapted.replace(pattern, /** @type {any} */ (remedy)), text);
 }

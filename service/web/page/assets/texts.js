@@ -206,6 +206,8 @@ export const FORMATS = /** @type {Record<string, string>} */ ({
 
 /** The names of networks and interpolations, with what they are for if their own name does not say it. */
 export const MODELS = /** @type {Record<string, string>} */ ({
+  best: "best: the sharpest for a single view, slowest",
+  "best-int8": "best-int8: faster",
   bicubic: "Bicubic",
   nearest: "Nearest pixel",
   fast: "fast",
@@ -216,7 +218,7 @@ export const MODELS = /** @type {Record<string, string>} */ ({
   "field-quality-int8": "field-quality-int8: faster",
   gan: "gan: sharper, with invented detail",
   paper: "paper: as published",
-  quality: "quality: the sharpest for a single view",
+  quality: "quality: sharp, for a single view",
   "quality-int8": "quality-int8: faster",
 });
 

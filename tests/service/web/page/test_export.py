@@ -15,6 +15,7 @@ import trimesh
 from PIL import Image
 from playwright.sync_api import expect
 
+from ciir.models.catalogue import list_names
 from ciir.renderer.displays.devices import DEVICES
 from ciir.renderer.displays.integral import parse_display
 from ciir.renderer.displays.lenticular import parse_calibration
@@ -226,6 +227,11 @@ def test_an_exported_viewer_has_the_name_of_the_file(page):
         assert "<title>a&amp;b.off</title>" in text
         assert '<h1 class="unseen">a&amp;b.off</h1>' in text
         assert text.rstrip().endswith("</html>")
+
+
+def test_each_network_says_what_it_is_for(page):
+    texts = page.evaluate("import('/assets/texts.js').then(({ MODELS }) => MODELS)")
+    assert {"auto", "none", *texts} >= set(list_names())
 
 
 def test_the_examples_of_files_for_displays_are_read(page):

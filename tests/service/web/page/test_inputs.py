@@ -256,6 +256,7 @@ def test_limits_are_shown_in_megabytes_and_sizes_of_files_as_they_are(page):
         "a.zip: unpacks to 1,234,567,890 bytes; at most 268,435,456 are read": "to 1,234.6 MB; at most 268.4 MB are",
         "a.stl: 5,000,001 triangles; at most 5,000,000 are read": "5,000,001 triangles; at most 5,000,000 are read",
         "a.glb: cut short: it has 1,050,000 of 1,120,484 bytes": "it has 1,050,000 of 1,120,484 bytes",
+        "'x': no such field; the fields are order, transpose, place": "the fields are order, transpose, place",
     }
     assert [part in text for part, text in zip(texts.values(), page.evaluate(adapt, list(texts)), strict=True)] == [
         True

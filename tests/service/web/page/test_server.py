@@ -109,6 +109,7 @@ def test_two_tabs_share_the_server_and_the_list_of_jobs(page):
     for tab in (page, other):
         go_to(tab, f"{LONG}&rotate=9,0,0")
         wait_for_progress(tab)
+    expect(page.locator("#recent-list")).to_contain_text("running")
     other.get_by_role("button", name="Cancel").click()
     expect(page.get_by_role("alert")).to_contain_text("Another window or program cancelled this job.")
     expect(other.locator("#status")).to_have_text("Cancelled.")
@@ -357,6 +358,18 @@ def test_a_file_that_the_server_has_no_room_to_keep_is_sent_with_each_job(browse
         wait_for_picture(page, 6, 9)
         posted = [(name, status) for name, status in answers if name in ("files", "inspections", "reconstructions")]
         assert posted == [("files", status), ("inspections", 202), ("files", status), ("reconstructions", 202)]
+        page.close()
+
+
+def test_a_file_over_the_limit_of_the_body_is_sent_once(browser, tmp_path):
+    with serve_app(tmp_path, max_body_bytes=len(EIA_PNG)) as server:
+        page = browser.new_page()
+        answers = []
+        page.on("response", lambda each: answers.append((each.url.rpartition("/")[2], each.status)))
+        page.goto(f"{server.url}#file=eia.png&lenses=6x9&show=mapped")
+        choose(page, ("eia.png", EIA_PNG))
+        expect(page.get_by_role("alert")).to_contain_text("the request's body is over the limit")
+        assert [each for each in answers if each[1] >= 400] == [("files", 413)]
         page.close()
 
 

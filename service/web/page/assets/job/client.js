@@ -175,7 +175,8 @@ async function setFile(form, file, signal, report) {
     form.set("file_id", kept.get(file) ?? (await keepFile(file, signal, report)));
     form.delete("file");
   } catch (error) {
-    if (!(error instanceof Problem && [TOO_LARGE, NO_ROOM].includes(error.status))) throw error;
+    const canSend = error instanceof Problem && [TOO_LARGE, NO_ROOM].includes(error.status);
+    if (!canSend || /request's body/.test(error.detail)) throw error; // a larger body is refused there too
     form.set("file", file);
     form.delete("file_id");
   }

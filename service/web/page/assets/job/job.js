@@ -161,10 +161,13 @@ export async function run(start, name, signal, isNew = true) {
   panel.hidden = false;
   let begun = (started = performance.now());
   isOwn = isNew;
-  const report = (/** @type {Status | null} */ status) => showProgress(status, begun);
-  report(null);
   /** @type {Job | undefined} */
   let mine;
+  const report = (/** @type {Status | null} */ status) => {
+    if (mine && status?.state === "running") markJob(mine.url, status.state);
+    showProgress(status, begun);
+  };
+  report(null);
   try {
     await cancelling;
     signal.throwIfAborted();
