@@ -28,14 +28,9 @@ if TYPE_CHECKING:
     from ciir.models.light_field.windows import View
 
 
-LEAST_RADII = 8
-"""Smallest side of a view whose background is skipped, in radii of the network. In smaller ones the pattern and the
-boxes' margins take as long as they save."""
-
-
 def find_background(network: LightFieldNetwork, view: Pixels) -> Pixels | None:
     """Returns the background colour `(C,)` of a view `(H, W, C)`; None if skipping it would save nothing."""
-    if min(view.shape[:2]) < LEAST_RADII * network.radius or not skipping.can_skip(network):
+    if min(view.shape[:2]) <= 2 * network.radius or not skipping.can_skip(network):
         return None
     return skipping.find_background(view)
 

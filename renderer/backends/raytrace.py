@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -82,10 +83,12 @@ def list_rays(array: LensArray, views: Sequence[View]) -> Iterator[RayBatch]:
             yield rays, _list_origins(array, top, bottom, len(some)), along
 
 
+@lru_cache(maxsize=16)  # all views of an array have the same origins
 def _list_origins(array: LensArray, top: int, bottom: int, views: int) -> NDArray[np.float64]:
-    """Returns the centres of the lenses of some rows, row by row, as often as there are views, `(n, 3)`."""
+    """Returns the centres of the lenses of some rows, row by row, as often as there are views, `(n, 3)`, read-only."""
     axes = np.zeros((3, views, bottom - top, array.cols))  # by axis: rows of 3 are slow in NumPy
     axes[0], axes[1] = array.lens_x(), array.lens_y()[top:bottom, None]
+    axes.flags.writeable = False
     return axes.reshape(3, -1).T
 
 

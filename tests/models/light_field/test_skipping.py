@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciir.models import catalogue
-from ciir.models.light_field.skipping import LEAST_RADII
 from ciir.models.light_field.views import upscale_views
 from ciir.models.single import skipping
 from ciir.models.single.skipping import SkipStatistics
@@ -139,14 +138,6 @@ def test_skip_false_skips_nothing():
     assert statistics.uniform == 0
 
 
-def test_views_that_are_too_small_to_save_time_are_computed_whole():
-    network, fallback = IntegerLightFieldNetwork(4), IntegerNetwork()
-    for side in (LEAST_RADII * network.radius - 1, LEAST_RADII * network.radius):
-        views, statistics = make_light_field((3, 3), (side, side, 3), moves=0), SkipStatistics()
-        upscale_views(network, fallback, views, [(1, 1)], (3, 3), statistics=statistics)
-        assert bool(statistics.uniform) == (side == LEAST_RADII * network.radius)
-
-
 @cache
 def render_views(margin):
     """Views of the vase, 5x5 of 48x48 pixels with at least `margin` pixels around them."""
@@ -177,8 +168,7 @@ def test_overlapping_boxes_are_the_same_to_the_bit(name, monkeypatch):
 
 
 @pytest.mark.parametrize("name", NETWORKS)
-def test_rendered_views_are_the_same(name, monkeypatch):
-    monkeypatch.setattr("ciir.models.light_field.skipping.LEAST_RADII", 3)  # with smaller views it is faster
+def test_rendered_views_are_the_same(name):
     network, fallback = catalogue.load_light_field_network(name), catalogue.load_upscaler("fast")
     wanted, statistics, views = [(2, 2), (0, 1)], SkipStatistics(), render_views(round(1.8 * network.radius))
     got, share = upscale_views(network, fallback, views, wanted, (5, 5), skip=True, statistics=statistics)
