@@ -44,7 +44,7 @@ def test_a_worker_does_what_a_server_without_workers_takes_in(tmp_path):
 def test_the_queues_password_is_in_no_log(tmp_path):
     log = tmp_path / "log"
     with run_ciir(log, "worker", CIIR_QUEUE="redis://:swordfish@127.0.0.1:1/0", CIIR_WORKERS="1"):
-        wait_until(lambda: "take jobs" in log.read_text())
+        wait_until(lambda: "takes jobs" in log.read_text())
     assert "jobs are in redis://...@127.0.0.1:1/0, inputs and results in /" in log.read_text()
     assert "swordfish" not in log.read_text()
 
