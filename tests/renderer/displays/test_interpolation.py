@@ -1,7 +1,15 @@
 import numpy as np
 import pytest
 
-from ciir.renderer.displays.interpolation import find_disparities, interpolate_views, weigh_neighbours
+from ciir.renderer.displays.interpolation import (
+    REST,
+    WINDOW,
+    _interpolate,
+    find_disparities,
+    interpolate_views,
+    shift_rows,
+    weigh_neighbours,
+)
 from tests.support.light_fields import make_views
 
 
@@ -45,6 +53,21 @@ def test_fewer_views_than_there_are_are_taken_at_equal_steps():
 @pytest.mark.parametrize("size", [(1, 1), (2, 2), (5, 4)])
 def test_the_smallest_views_are_interpolated(size):
     assert interpolate_views(np.zeros((2, *size, 3), np.uint8), 3).shape == (3, *size, 3)
+
+
+def test_the_disparity_of_each_pixel_is_that_of_the_cheapest_box():
+    """A slow sweep, pixel by pixel, with costs repeated beyond the borders. In noise all cost much the same."""
+    left, right = np.random.default_rng(4).integers(0, 256, (2, 20, 24, 3), dtype=np.uint8)
+    searched, fraction = range(-2, 3), 0.25
+    costs = np.empty((len(searched), *left.shape[:2]))
+    for index, disparity in enumerate(searched):
+        moved = (fraction * disparity, left), ((fraction - 1) * disparity, right)
+        first, second = (shift_rows(view.astype(np.float32), shift) for shift, view in moved)
+        cost = np.pad(np.abs(first - second).mean(axis=2), WINDOW // 2, "edge")
+        for y, x in np.ndindex(left.shape[:2]):
+            costs[index, y, x] = cost[y : y + WINDOW, x : x + WINDOW].mean() + REST * abs(disparity)
+    _, found = _interpolate(left, right, fraction, searched)
+    np.testing.assert_array_equal(found, costs.argmin(axis=0) + searched[0])
 
 
 def test_one_view_stands_for_all():
